@@ -124,6 +124,21 @@ class Drive(NamedTuple):
     work: Array  # (1,) [J] done so far
 
 
+class Parts(NamedTuple):
+    """What a packing may lack, None where it does; the functions below take each by itself, and
+    what is None is compiled out of them."""
+
+    shape: ForceShape | None  # of the elastic force; None: Hertz
+    plastic: Plastic | None
+    damping: Damping | None
+    friction: Friction | None
+    guides: Guides | None
+    load: Array | None  # (s, 3) [N]
+    weight: Array | None  # (s, 3) [N], part of the load
+    modes: WallModes | None
+    drive: Drive | None
+
+
 class SpaceSaved(NamedTuple):
     """States, forces and energies at k saves, of the saved spheres and contacts alone."""
 
@@ -140,19 +155,17 @@ class SpaceSaved(NamedTuple):
 
 @ieee_march
 def march(
-    motion: SpaceMotion, arrays: SpaceArrays, fractions: tuple[Array, Array], steps: Steps,
-    saved: SpaceSaved, shape: ForceShape | None, plastic: Plastic | None, damping: Damping | None,
-    friction: Friction | None, guides: Guides | None, load: Array | None, weight: Array | None,
-    modes: WallModes | None, drive: Drive | None,
+    motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, fractions: tuple[Array, Array],
+    steps: Steps, saved: SpaceSaved,
 ) -> int:  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], ..., kick b[-1], with the `fractions` a
     and b of the step; the state is saved before and after each stride.
 
     Changes motion, modes and plastic contacts in place. Ends early, and says after how many saves,
-    when a state is not finite. load, weight (s, 3) [N].
+    when a state is not finite.
     """
     (a, b), (dt, n_save, stride) = fractions, steps
-    n, m = arrays.mass.size, arrays.A.size
+    n = arrays.mass.size
     stale = n_save >= 0  # a literal True would compile what takes it once more
     drifted = 0.0
     now = 0.0  # [s] of the positions
@@ -162,39 +175,46 @@ def march(
                 kick, drift = b[i] * dt, a[i] * dt if i < a.size else 0.0
                 if kick != 0.0:
                     if stale:
-                        contact_forces(0, m, drifted, motion, arrays, shape, plastic, friction)
+                        press(drifted, motion, arrays, parts)
                         drifted = 0.0
-                    if damping is None:
-                        push_spheres(0, n, kick, motion, arrays, guides, load)
-                        push_wall(kick, motion, arrays, modes)
-                    else:
-                        push_damped(
-                            kick, motion, arrays, shape, plastic, damping, guides, load, modes
-                        )
-                    if friction is not None:
-                        push_spins(0, n, kick, motion, arrays, guides)
-                    if drive is not None:
-                        work_of_drive(kick, motion, arrays, drive)
+                    push(kick, motion, arrays, parts, parts.damping)
+                    push_spins(0, n, kick, motion, arrays, parts.friction, parts.guides)
+                    work_of_drive(kick, motion, arrays, parts.drive)
                     stale = False
                 if drift != 0.0:
                     drift_spheres(0, n, drift, motion)
-                    drift_modes(i, 0.0, motion.wall, modes)
+                    drift_modes(i, 0.0, motion.wall, parts.modes)
                     drifted += drift
+                    now += drift
+                    place_driven(now, motion, parts.drive)
                     stale = True
-                    if drive is not None:
-                        now += drift
-                        place_driven(now, motion, drive)
         if stale:  # forces, and friction's state, belong to these positions
-            contact_forces(0, m, drifted, motion, arrays, shape, plastic, friction)
+            press(drifted, motion, arrays, parts)
             drifted = 0.0
             stale = False
-        if drive is not None:
-            saved.energy[k, OF_DRIVE] = drive.work[0]
-        if not save(
-            k, motion, arrays, saved, shape, plastic, damping, friction, load, weight, modes
-        ):
+        if not save(k, motion, arrays, parts, saved):
             return k
     return n_save
+
+
+@ieee_inline
+def press(drifted: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts) -> None:
+    """Forces of all contacts after a drift [s]."""
+    contact_forces(
+        0, arrays.A.size, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction
+    )
+
+
+@ieee_inline
+def push(
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, damping: Damping | None
+) -> None:
+    """Impulse over `kick` [s] on spheres and wall, with the dampers where there are any."""
+    if damping is None:
+        push_spheres(0, arrays.mass.size, kick, motion, arrays, parts.guides, parts.load)
+        push_wall(kick, motion, arrays, parts.modes)
+    else:
+        push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.modes)
 
 
 @ieee_inline
@@ -433,11 +453,12 @@ def push_spheres(
 @ieee
 def push_spins(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
-    guides: Guides | None,
+    friction: Friction | None, guides: Guides | None,
 ) -> None:  # fmt: skip
-    """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`."""
+    """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`; none
+    without friction."""
     spin, moment = motion.spin, motion.moment
-    for i in range(low, high):
+    for i in range(low, high if friction is not None else low):
         m0, m1, m2 = 0.0, 0.0, 0.0
         for at in range(arrays.start[i], arrays.start[i + 1]):
             c, side = arrays.incident[at], 0
@@ -496,8 +517,10 @@ def drift_spheres(low: int, high: int, drift: float, motion: SpaceMotion) -> Non
 
 
 @ieee
-def place_driven(now: float, motion: SpaceMotion, drive: Drive) -> None:
+def place_driven(now: float, motion: SpaceMotion, drive: Drive | None) -> None:
     """Displacement and velocity of the driven spheres at an instant [s]; they do not spin."""
+    if drive is None:
+        return
     low, high = 0, drive.knots.size - 1
     while high - low > 1:
         middle = (low + high) // 2
@@ -518,8 +541,12 @@ def place_driven(now: float, motion: SpaceMotion, drive: Drive) -> None:
 
 
 @ieee
-def work_of_drive(kick: float, motion: SpaceMotion, arrays: SpaceArrays, drive: Drive) -> None:
+def work_of_drive(
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, drive: Drive | None
+) -> None:
     """Work over `kick` [s] against the contacts' forces on the driven spheres."""
+    if drive is None:
+        return
     for at in range(drive.spheres.size):
         i = drive.spheres[at]
         for place in range(arrays.start[i], arrays.start[i + 1]):
@@ -566,9 +593,8 @@ def damper_force(
 
 @ieee
 def push_damped(
-    kick: float, motion: SpaceMotion, arrays: SpaceArrays, shape: ForceShape | None,
-    plastic: Plastic | None, damping: Damping, guides: Guides | None, load: Array | None,
-    modes: WallModes | None,
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, guides: Guides | None,
+    load: Array | None, modes: WallModes | None,
 ) -> None:  # fmt: skip
     """Kick [s] of contacts and dampers together at fixed positions, m v' = F + F_d(v), by the
     classical method of Runge and Kutta: F_d is linear in v where it is not cut, so that what is
@@ -587,7 +613,7 @@ def push_damped(
         ahead = 1.0 if stage == 2 else 0.5  # of the kick, to where the next stage looks
         for c in range(m):
             extra, rate, e0, e1, e2 = damper_force(
-                c, middle, w, motion, arrays, shape, plastic, damping
+                c, middle, w, motion, arrays, parts.shape, parts.plastic, parts.damping
             )
             motion.lost[c] += kick * weight * extra * rate
             motion.damper[c, 0] = motion.force[c, 0] + extra * e0
@@ -628,16 +654,43 @@ def push_damped(
 # --- what is saved -------------------------------------------------------------------------------
 
 
-@ieee
-def save(
-    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
-    plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
-    load: Array | None, weight: Array | None, modes: WallModes | None,
-) -> bool:  # fmt: skip
+@ieee_inline
+def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: SpaceSaved) -> bool:
     """Row k of the saved states, forces and energies; is it finite?"""
-    u, v, energy = motion.u, motion.v, saved.energy[k]
-    for e in range(OF_DRIVE):
+    energy = saved.energy[k]
+    for e in range(TOTAL):
         energy[e] = 0.0
+    save_spheres(k, motion, arrays, saved, parts.friction, parts.load, parts.weight)
+    on_wall = save_contacts(
+        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction
+    )
+    swing, absolute = modal_energy(parts.modes)
+    energy[WALL] = absolute
+    energy[IN_WALL] = motion.wall[WALL_WORK] - swing
+    energy[OF_DRIVE] = drive_work(parts.drive)
+    saved.wall[k, 0], saved.wall[k, 1], saved.wall[k, 2] = motion.wall[U], motion.wall[V], on_wall
+    total = 0.0
+    for e in range(OF_LOAD):
+        total += energy[e]
+    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT] - energy[OF_DRIVE]
+    return abs(energy[TOTAL]) <= 1e300  # not so of inf or NaN
+
+
+@ieee_inline
+def drive_work(drive: Drive | None) -> float:
+    """Work [J] of a drive so far; 0 without."""
+    if drive is None:
+        return 0.0
+    return drive.work[0]
+
+
+@ieee
+def save_spheres(
+    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
+    friction: Friction | None, load: Array | None, weight: Array | None,
+) -> None:  # fmt: skip
+    """Row k of the spheres' states, their energies and the works of steady forces."""
+    u, v, energy = motion.u, motion.v, saved.energy[k]
     for at in range(saved.spheres.size):
         i = saved.spheres[at]
         for axis in range(3):
@@ -659,10 +712,17 @@ def save(
         energy[OF_WEIGHT] += heavy
         energy[OF_LOAD] += work - heavy  # the load holds the weights as well
 
-    on_wall = 0.0
-    at = 0
+
+@ieee
+def save_contacts(
+    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
+    plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
+) -> float:  # fmt: skip
+    """Row k of the contacts' forces, their energies and losses; the force [N] on the wall that
+    moves."""
+    v, energy, on_wall, at = motion.v, saved.energy[k], 0.0, 0
     for c in range(arrays.A.size):
-        d = arrays.overlap[c] - stretch(c, u, motion.wall, arrays)[0]
+        d = arrays.overlap[c] - stretch(c, motion.u, motion.wall, arrays)[0]
         pressed, held = 0.0, 0.0
         if d > 0.0:
             if plastic is None:
@@ -690,15 +750,4 @@ def save(
                 for axis in range(3):
                     saved.traction[k, at, axis] = -motion.traction[c, axis]
             at += 1
-
-    swing, absolute = modal_energy(modes)
-    energy[WALL] = absolute
-    energy[IN_WALL] = motion.wall[WALL_WORK] - swing
-    saved.wall[k, 0], saved.wall[k, 1], saved.wall[k, 2] = (
-        motion.wall[U], motion.wall[V], on_wall
-    )  # fmt: skip
-    total = 0.0
-    for e in range(OF_LOAD):
-        total += energy[e]
-    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT] - energy[OF_DRIVE]
-    return abs(energy[TOTAL]) <= 1e300  # not so of inf or NaN
+    return on_wall

@@ -26,6 +26,14 @@ from beadwave.dem.stability import UnstableStep, stability_interval
 from beadwave.dem.walls import Wall
 
 MOST_SAVED = 5e8  # numbers of a trajectory: 4 GB
+# stated error over what the difference says: of 300 random networks none is below, of 100 with
+# friction neither
+SAFETY = 2.0
+# the same of each sphere and contact, which may be alike in two marches by chance: of 1514 spheres
+# 47 were below with 2, of 758 others 7 with 4
+COLUMNS = 4.0
+RATIO = 1.6  # of the coarser step to the finer one
+LEAST = 1.0 / 30.0  # of the error asked: no less is stated, as marches are alike by chance
 MOST_WORK = 2e11  # contacts computed in one search: an hour
 
 
@@ -94,16 +102,16 @@ def march(
     dt: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
-    spin: ArrayLike | None = None,
     scheme: str | None = None,
 ) -> SpaceTrajectory:
-    """Trajectory from the places at rest with velocities v0 (s, 3) [m/s] and a `spin` (s, 3)
-    [rad/s], without it none, at n_save + 1 equal times from 0 to `duration` [s], by the longest
-    steps that divide their spacing and are not above dt [s].
+    """Trajectory from the places at rest with velocities v0 (s, 3) [m/s], or with spins behind them
+    (s, 6) [rad/s], at n_save + 1 equal times from 0 to `duration` [s], by the longest steps that
+    divide their spacing and are not above dt [s].
 
     `saved` are the spheres that are kept (all without it), from 0. The planes that move do so with
     the modes of `wall`. Raises InvalidChain, and UnstableStep where a state is not finite.
     """
+    v0, spin = np.hsplit(np.asarray(v0, float), [3]) if np.ndim(v0) == 2 else (v0, None)
     v0 = validate(packing, wall, v0)
     positive("duration", duration, " s")
     positive("dt", dt, " s")
@@ -127,18 +135,15 @@ def march(
     if packing.driven is not None:
         driving = packing.driven._replace(work=np.zeros(1))
         kernel.place_driven.py_func(0.0, motion, driving)
-    if spin is not None:
-        turning = np.asarray(spin, float)
-        vector("spin", turning.ravel(), v0.size)
-        motion.spin[:] = turning
+    if spin is not None and spin.size:
+        motion.spin[:] = vector("spin", spin.ravel(), v0.size).reshape(-1, 3)
     out = room(packing, spheres, n_save + 1)
-    law, shape = SCHEMES[method.name], None
-    modes = wall_modes(packing, wall, steps.h * law.a)
-    count = kernel.march(
-        motion, arrays(packing), (law.a, law.b), steps, out, shape, plastic(packing),
-        dampers(packing), friction(packing), packing.guides, packing.load, packing.weight, modes,
-        driving,
+    modes = wall_modes(packing, wall, steps.h * method.a)
+    parts = kernel.Parts(
+        None, plastic(packing), dampers(packing), friction(packing), packing.guides, packing.load,
+        packing.weight, modes, driving,
     )  # fmt: skip
+    count = kernel.march(motion, arrays(packing), parts, (method.a, method.b), steps, out)
     if count < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {count * stride * steps.h:.4g} s with "
@@ -156,14 +161,6 @@ def march_to_error(
     error: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
-    # stated error over what the difference says: of 300 random networks with 2 none is below
-    safety: float = 2.0,
-    # the same of each sphere and contact, which may be alike in two marches by chance: of 1514
-    # spheres with 2 47 are below
-    columns: float = 4.0,
-    ratio: float = 1.6,  # of the coarser step to the finer one
-    least: float = 1.0
-    / 30.0,  # of the error asked: no less is stated, as marches are alike by chance
 ) -> SpaceTrajectory:
     """`march` whose velocities are off by less than `error` times the largest initial speed, and
     whose ledger closes to a hundredth of it; `errors` has those of each sphere and contact.
@@ -196,22 +193,22 @@ def march_to_error(
             continue
         if coarse is None or coarse.dt < 1.2 * fine.dt:
             coarse = coarse or fine
-            step = min(step, fine.dt) / ratio
+            step = min(step, fine.dt) / RATIO
             continue
 
         # errors of the finer march, column by column
         errors = SpaceErrors(
             *(
-                columns
+                COLUMNS
                 * richardson(_largest_change(coarse, fine, name), coarse.dt / fine.dt, order)
                 for name in ("displacement", "velocity", "pair_force")
             )
         )
-        estimate = safety / columns * float(errors.velocity.max(initial=0.0)) / speed
+        estimate = SAFETY / COLUMNS * float(errors.velocity.max(initial=0.0)) / speed
         unbalanced = max(fine.energy_error - rounding(fine), 0.0)
         excess = max(estimate / error, unbalanced / (1e-2 * error))
         if excess <= 1.0:
-            stated = max(estimate, least * error)
+            stated = max(estimate, LEAST * error)
             return fine._replace(error_estimate=stated, errors=errors)
         if best is None or excess < 0.5 * best[1]:
             best = fine.dt, excess
@@ -221,7 +218,7 @@ def march_to_error(
                 f"{estimate:.3g} in velocity and {fine.energy_error:.3g} in energy, as a step 64 "
                 "times as long does; ask for a larger error or less time"
             )
-        shorter = max(ratio, min((1.3 * excess) ** (1.0 / max(order, 1.5)), 8.0))
+        shorter = max(RATIO, min((1.3 * excess) ** (1.0 / max(order, 1.5)), 8.0))
         step, coarse = fine.dt / shorter, fine
 
 

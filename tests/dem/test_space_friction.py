@@ -68,7 +68,7 @@ def test_an_impact_that_slips_throughout_changes_motion_as_rigid_spheres_do(spin
 
 def spun(packing, v0, spin, **run):
     """A march whose spheres spin at the start."""
-    return space.march(packing, None, v0, spin=np.array(spin), **run)
+    return space.march(packing, None, np.hstack([v0, spin]), **run)
 
 
 def test_two_spheres_that_spin_alike_throw_each_other_sideways():

@@ -20,6 +20,7 @@ from beadwave.workflows.fit.chain_fit import widened
 from beadwave.workflows.fit.folder import write_calibration
 from beadwave.workflows.fit.parameter import scales
 from beadwave.workflows.fit.reliability import identifiable, on_held_out
+from beadwave.workflows.fit.report import COLUMNS, Row
 from beadwave.workflows.fit.windows import decisive
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.toml import resolved, toml
@@ -417,3 +418,21 @@ def test_bars_hold_the_further_answers_of_a_search_that_is_not_sure(result):
         identifiable(p, 1.0, bar, confirmed) for confirmed in (True, False) for bar in (0.01, 9)
     ]
     assert said == ["yes", "no", "unconfirmed", "no"]
+
+
+@pytest.mark.parametrize(
+    ("value", "bar", "text"),
+    [
+        (0.230504, 0.012, "0.231"),
+        (-20003.0, 650.0, "-20000"),
+        (-3.6e-9, 6.1e-8, "-4e-09"),
+        (-3.6e-10, 6.1e-8, "0"),  # never "-0"
+        (1.234567, 1e-9, "1.23457"),
+        (1.234567, None, "1.23457"),
+    ],
+)
+def test_a_value_has_no_digits_beyond_those_of_its_bar(value, bar, text):
+    row = Row(
+        name="x", unit="", start=0, bounds=None, found=value, two_sigma=bar, identifiable="yes"
+    )
+    assert COLUMNS["found"](row) == text

@@ -230,6 +230,12 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
     joints = joint_rows(parts.bolted) if parts else []
     overloaded = [*overloaded_bolts({row.name: row.utilisation for row in joints})]
     dofs = int(3 * sum(nodes.values()))
+    chosen = []
+    if scene.mesh and scene.mesh.error:
+        chosen.append(
+            f"These elements have their usual sizes; mesh.error = {scene.mesh.error:g} chooses "
+            f"others, with {scene.mesh.unknowns} unknowns at most."
+        )
     report = Look(
         name=source,
         unit=geometry.unit,
@@ -252,7 +258,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=remarks + heavy + overloaded,
+        remarks=remarks + heavy + overloaded + chosen,
     )
     return LookContents(report, scene, meshes, parts, start, page)
 

@@ -164,6 +164,8 @@ def explanation(scene: Scene, relative: float, cause: Cause) -> str:
     times = size_for(LARGE_ERROR, relative, cause)
     if scene.own_mesh:
         return f"{why}; take elements {times:.2g} times as large there."
+    if scene.mesh.error:
+        return f"{why}; a smaller mesh.error lowers it, or a larger mesh.modes of a higher mode."
     if times < FINEST_SCALE and cause.remedy:
         return f"{why}, where errors fall slowly with the size of elements; {cause.remedy} helps."
     return f"{why}; {refinement(scene, times)} would bring it to about {100 * LARGE_ERROR:.0f} %."
