@@ -5,6 +5,7 @@
     contact_patch   w (n,) of a disc on a face: u_w = w @ u [m] is read, w F [N] is the load
     half_space_on_mesh   compliance [m/N] of the patch on a half-space, which Hertz' law holds too
     half_space_matrix    the same along the normal and in the face (3, 3), for friction
+    joint_stiffness_by_formula   springs of a bolt from its drawing, with their spreads
     prestressed     the Model under forces, heat and rods: K + K_G, and its share of buckling
     modes           omega (k,) [rad/s], phi (n, k) mass-normalised, by eigsh
     receptance      H(f) [m/N] of the full model;   mac, pair: modes compared with measured ones
@@ -22,7 +23,7 @@ u are the free displacements of a Model, u_mesh = model.T @ u, node after node x
 See examples/own_mesh.py, from a mesh of one's own to an impact.
 """
 
-from beadwave.fem.assembly.attached_mass import CarriedMass, with_carried
+from beadwave.fem.assembly.attached_mass import CarriedMass, with_carried, with_mass_on_face
 from beadwave.fem.assembly.dashpots import dashpots
 from beadwave.fem.assembly.elasticity import Structure, assemble
 from beadwave.fem.assembly.grounding import RigidBody, rigid_body
@@ -55,6 +56,15 @@ from beadwave.fem.bending.beam import (
 from beadwave.fem.bending.bending_model import Bending, Buckled
 from beadwave.fem.bending.plate import PlateCorrection, Sheet, TooLarge, mindlin_plate
 from beadwave.fem.contact.anisotropic_half_space import indentation_modulus
+from beadwave.fem.contact.bolted_joint import (
+    Bolt,
+    Fastener,
+    JointStiffness,
+    Member,
+    PressedFaces,
+    fastener_masses,
+    joint_stiffness_by_formula,
+)
 from beadwave.fem.contact.contact_patch import (
     ContactPatch,
     contact_patch,
@@ -93,6 +103,7 @@ __all__ = [
     "BeamEnd",
     "Bending",
     "BodyMotion",
+    "Bolt",
     "Buckled",
     "Bushing",
     "CarriedMass",
@@ -101,14 +112,17 @@ __all__ = [
     "FaceForce",
     "Faces",
     "Factor",
+    "Fastener",
     "HalfSpaceField",
     "Heat",
     "HeldFace",
     "Joint",
+    "JointStiffness",
     "Load",
     "Loose",
     "Material",
     "MeasuredPart",
+    "Member",
     "MissedEnergy",
     "Model",
     "Modes",
@@ -119,6 +133,7 @@ __all__ = [
     "PartPoint",
     "PlateCorrection",
     "PointSpring",
+    "PressedFaces",
     "Pushed",
     "RigidBody",
     "Rod",
@@ -141,6 +156,7 @@ __all__ = [
     "effective_mass",
     "face_edges",
     "factorised",
+    "fastener_masses",
     "half_space_fields",
     "half_space_matrix",
     "half_space_on_mesh",
@@ -149,6 +165,7 @@ __all__ = [
     "indentation_modulus",
     "joined",
     "joint_stiffness",
+    "joint_stiffness_by_formula",
     "loose_bodies",
     "mac",
     "mindlin_plate",
@@ -172,6 +189,7 @@ __all__ = [
     "target_mac",
     "tube",
     "with_carried",
+    "with_mass_on_face",
     "with_measured",
     "with_springs",
 ]

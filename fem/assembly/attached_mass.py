@@ -7,15 +7,17 @@ centre, so that it adds mass and no stiffness:
     M := M + C^T diag(m, m, m, J_x, J_y, J_z) C.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
 from beadwave.fem.assembly.elasticity import AttachedMass, Structure
 from beadwave.fem.assembly.joints import distributing
-from beadwave.fem.assembly.trace import OffFace, trace
+from beadwave.fem.assembly.trace import OffFace, face_quadrature, trace
 from beadwave.fem.contact.contact_patch import disc_quadrature
 from beadwave.fem.contact.disc_room import room_on_face
 from beadwave.fem.contact.impact_point import planar_spot
@@ -58,11 +60,33 @@ def with_carried(structure: Structure, masses: Iterable[CarriedMass]) -> Structu
                 f"{body.face!r} leaves that face; {room}; move it or make it smaller."
             ) from None
 
-        # C (6, ndof): the rigid motion of the disc at the body's own centre, where its inertia is
-        # diagonal
         centre = spot.point - body.height * spot.inward
-        C = csr_matrix(csr_matrix(distributing(on_face, share, centre)) @ P)
-        inertia = np.array([body.mass] * 3 + list(body.inertia))
-        carried.append(AttachedMass(body.name, csr_matrix(C.T @ C.multiply(inertia[:, None]))))
+        C = csr_matrix(distributing(on_face, share, centre)) @ P
+        M = _inertia(csr_matrix(C), [body.mass] * 3 + list(body.inertia))
+        carried.append(AttachedMass(body.name, M))
     M = sum((mass.M for mass in carried), start=structure.M).tocsr()
     return structure._replace(M=M, carried=structure.carried + tuple(carried))
+
+
+def with_mass_on_face(
+    structure: Structure,
+    face: str,
+    mass: float,
+    inertia: Sequence[float],
+    centre: NDArray[np.float64],
+    axes: NDArray[np.float64],
+) -> Structure:
+    """The structure with a rigid body in M that moves with the mean of a whole face, as the head of
+    a bolt: mass [kg], moments of inertia (3,) [kg m^2] about `axes` (3, 3), rows, through its
+    centre (3,) [m]. Raises ValueError as `fem.assembly.trace.face_quadrature`."""
+    points, weights = face_quadrature(structure, face)
+    C = csr_matrix(distributing(points, weights, centre)) @ trace(structure, face, points)
+    C = csr_matrix(block_diag(axes, axes)) @ C
+    M = structure.M + _inertia(csr_matrix(C), [mass] * 3 + list(inertia))
+    return structure._replace(M=csr_matrix(M))
+
+
+def _inertia(C: csr_matrix, inertia: Sequence[float]) -> csr_matrix:
+    """C^T diag(m, m, m, J_x, J_y, J_z) C of the rigid motion q = C u at a body's centre, along the
+    axes in which its inertia is diagonal."""
+    return csr_matrix(C.T @ C.multiply(np.array(inertia)[:, None]))

@@ -19,6 +19,7 @@ from beadwave.fem.assembly.elasticity import JoinedPart, Structure
 from beadwave.fem.assembly.grounding import require_free_joints
 from beadwave.fem.assembly.joints import DIRECTIONS, Joint, Tie, mean_sides, rigid_sides, tie
 from beadwave.fem.assembly.trace import face_nodes
+from beadwave.fem.contact.preloaded_contact import PreloadedContact
 
 
 class HeldFace(NamedTuple):
@@ -80,6 +81,7 @@ class Model(NamedTuple):
     sway: Sway | None = None  # of a table below, on the last two dofs
     overconstrained: tuple[Overconstrained, ...] = ()  # dofs that two constraints would hold
     load_factor: float | None = None  # static load over that which buckles it; None: unloaded
+    contact: PreloadedContact | None = None  # faces that bolts press, about which it is linear
     # parts known by receptances, each with the positions of its oscillators among the unknowns
     measured: tuple[tuple[JoinedPart, NDArray[np.int64]], ...] = ()
 

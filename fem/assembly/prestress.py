@@ -62,8 +62,26 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
     without one normal and for rods that `tightened` refuses.
     """
     structure, K, rods = model.structure, model.K, tightened(model.structure, load.rods)
+    f = static_forces(structure, materials, load)
 
-    # f + f_T (ndof,) [N]
+    # stresses of the static state, and what they add to the stiffness; displacements stay small
+    factor = factorised(K)
+    u = model.T @ factor.solve(model.T.T @ (f + rods.f))
+    K_G = congruent(model.T, stress_stiffness(structure, materials, load, u) + rods.K_G)
+    mu = buckling_share(K, K_G, factor)
+    if mu >= 1:
+        raise Buckled(
+            f"the static load is {mu:.4g} times that which buckles the structure; take less"
+        )
+    K_0 = model.K0 + K_G + congruent(model.T, rods.K)
+    return model._replace(K0=K_0.tocsc(), load_factor=mu)
+
+
+def static_forces(
+    structure: Structure, materials: Mapping[str, Material | Orthotropic], load: Load
+) -> NDArray[np.float64]:
+    """f + f_T (ndof,) [N] of forces on faces and of heat, without rods; raises ValueError for a
+    face without one normal."""
     f = np.zeros(structure.n_dofs)
     for force in load.forces:
         mean = face_mean(structure, force.face)
@@ -79,22 +97,21 @@ def prestressed(model: Model, materials: Mapping[str, Material | Orthotropic], l
         f += spread.ravel()
     for body, heat in load.heat.items():
         f[structure.dofs(body)] += thermal_load(structure.basis[body], materials[body], heat)
+    return f
 
-    # stresses of the static state, and what they add to the stiffness; displacements stay small
-    factor = factorised(K)
-    u = model.T @ factor.solve(model.T.T @ (f + rods.f))
+
+def stress_stiffness(
+    structure: Structure,
+    materials: Mapping[str, Material | Orthotropic],
+    load: Load,
+    u: NDArray[np.float64],
+) -> csr_matrix:
+    """K_G (ndof, ndof) [N/m] of all bodies displaced by u (ndof,) [m]."""
     bodies = [
         geometric_stiffness(structure, b, u, materials[b], load.heat.get(b))
         for b in structure.basis
     ]
-    K_G = congruent(model.T, sum(bodies, rods.K_G))
-    mu = buckling_share(K, K_G, factor)
-    if mu >= 1:
-        raise Buckled(
-            f"the static load is {mu:.4g} times that which buckles the structure; take less"
-        )
-    K_0 = model.K0 + K_G + congruent(model.T, rods.K)
-    return model._replace(K0=K_0.tocsc(), load_factor=mu)
+    return sum(bodies[1:], bodies[0])
 
 
 def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:

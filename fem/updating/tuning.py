@@ -49,6 +49,8 @@ class TuningParameter(NamedTuple):
     bodies: tuple[str, ...] = ()  # whose material, or stiffness, the factor multiplies
     of: Literal["young", "density"] = "young"
     before: tuple[float, ...] = ()  # stiffness of each spring, inf where rigid; or the one factor
+    # standard deviation of ln(value) about the start that is known without the targets; None: none
+    known: float | None = None
 
 
 class TuningBasis(NamedTuple):
@@ -260,9 +262,11 @@ def tune(
     Least squares in x = ln(value), from the start values and from `n_starts - 1` random ones
     within the bounds, of the residuals
 
-        w_i ln(f_i(x) / target_i),    regularisation min(s) (x_j - x_j(start)).
+        w_i ln(f_i(x) / target_i),    r_j min(s) (x_j - x_j(start)).
 
-    The second residuals pull weakly towards the start and so decide what the targets leave open.
+    The second residuals pull towards the start: with r = 1 / p.known where a parameter is known
+    that well, else weakly, with r = regularisation, so that they decide what the targets leave
+    open.
     frequency_error s_i, relative, is that of all targets or {1, 2, ...: of each}, and
     w_i = min(s) / s_i. `deviation` is the standard deviation of ln(value), from the covariance
     (J^T S^-2 J)^-1 with the Jacobian J of ln f and S = diag(s).
@@ -275,7 +279,8 @@ def tune(
     n_targets = len(target_hz)
     errors = frequency_error if isinstance(frequency_error, Mapping) else None
     s = np.array([errors[n] if errors else frequency_error for n in target_hz])
-    weight, pull = s.min() / s, regularisation * s.min()
+    weight = s.min() / s
+    pull = s.min() * np.array([1 / p.known if p.known else regularisation for p in parameters])
 
     def matched(x: NDArray[np.float64]) -> tuple[Modes, NDArray[np.int64]]:
         """Modes at exp(x), x (p,), and which of them each target (n_targets,) is, -1 where none."""
@@ -296,7 +301,7 @@ def tune(
         of_targets = Modes(computed.omega[index], computed.phi[:, index])
         J = sensitivity(basis, parameters, np.exp(x), of_targets)
         J[index < 0] = 0.0
-        return np.vstack([weight[:, None] * J, pull * np.eye(len(x))])
+        return np.vstack([weight[:, None] * J, np.diag(pull)])
 
     # modes swap places as joints stiffen, so the sum of squares has several minima: many starts
     fits, x = [], np.zeros(0)
@@ -345,7 +350,8 @@ def deviation_of_others(
     values they had before, are known to within a factor of two alone.
 
     From (J^T S^-2 J + P^-2)^-1 of both together, P the deviations that the bounds of those fitted
-    say, and ln 2 of the others. inf where a value is not determined even without these.
+    or what is known of them say, and ln 2 of others. inf where a value is not determined even
+    without these.
     """
     elastic = [p for p in left_out if p.springs and 0 < min(p.before) and max(p.before) < np.inf]
     if not elastic:
@@ -359,29 +365,30 @@ def deviation_of_others(
     value = np.concatenate([fit.value, [p.before[0] for p in elastic]])
     J = sensitivity(basis, parameters, value, of_targets) / s[:, None]
     J[index < 0] = 0.0
-    prior = np.append(_of_bounds(fit.parameters), np.full(len(elastic), VAGUE_DEVIATION))
+    vague = [p.known or VAGUE_DEVIATION for p in elastic]
+    prior = np.append(prior_deviation(fit.parameters), vague)
     together = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.diag(prior**-2.0))))
     return np.maximum(fit.deviation, together[: len(fit.parameters)])
 
 
 def largest_determined(parameters: Sequence[TuningParameter]) -> NDArray[np.float64]:
     """The largest deviations (p,) of ln(value) that count as determined."""
-    return np.minimum(UNDETERMINED_SHARE * _of_bounds(parameters), VAGUE_DEVIATION)
+    return np.minimum(UNDETERMINED_SHARE * prior_deviation(parameters), VAGUE_DEVIATION)
 
 
 def covariance_over(
     limit: NDArray[np.float64], parameters: Sequence[TuningParameter], J: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Covariance (p, p) of ln(value) over `limit` (p,), from the Jacobian J (n, p) of residuals
-    that have a standard deviation of 1, and from the bounds."""
-    prior = _of_bounds(parameters)
+    that have a standard deviation of 1, and from what is known without them."""
+    prior = prior_deviation(parameters)
     return np.linalg.inv(J.T @ J + np.diag(prior**-2.0)) / np.outer(limit, limit)
 
 
-def _of_bounds(parameters: Sequence[TuningParameter]) -> NDArray[np.float64]:
-    """Standard deviations (p,) of ln(value) evenly distributed within the bounds, which stand for
-    what the data do not say: their distance over sqrt(12)."""
-    return np.array([np.log(p.upper / p.lower) for p in parameters]) / np.sqrt(12)
+def prior_deviation(parameters: Sequence[TuningParameter]) -> NDArray[np.float64]:
+    """Standard deviations (p,) of ln(value) without the data: those known, else those of values
+    evenly distributed within the bounds, their distance over sqrt(12)."""
+    return np.array([p.known or np.log(p.upper / p.lower) / np.sqrt(12) for p in parameters])
 
 
 def determined(

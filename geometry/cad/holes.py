@@ -53,6 +53,7 @@ class Concentric(NamedTuple):
     axis: Vector  # of the hole, from the first body to the second
     diameters: tuple[float, float]  # m, in either body
     faces: tuple[int, int]  # tags of the planes that touch there
+    lengths: tuple[float, float] = (0.0, 0.0)  # m, of the hole in either body
 
 
 class ThreadedPair(NamedTuple):
@@ -112,6 +113,7 @@ class FacingHoles(NamedTuple):
 
     diameters: tuple[float, float]  # m
     centres: tuple[Vector, Vector]  # (3,) [m]
+    lengths: tuple[float, float]  # m
     plane: Face  # of the first body
     faces: tuple[int, int]  # tags of the planes
 
@@ -129,8 +131,8 @@ def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[FacingHo
         if plane.normal is None:
             continue
         for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
-            diameters, centres = zip(one, other, strict=True)
-            yield FacingHoles(diameters, centres, plane, contact.faces)
+            diameters, centres, lengths = zip(one, other, strict=True)
+            yield FacingHoles(diameters, centres, lengths, plane, contact.faces)
 
 
 def concentric(
@@ -138,7 +140,14 @@ def concentric(
 ) -> tuple[Concentric, ...]:
     """Holes of both bodies about one axis, across a plane in which they touch."""
     return tuple(
-        Concentric(touch.bodies, pair.centres[0], pair.plane.normal, pair.diameters, pair.faces)
+        Concentric(
+            touch.bodies,
+            pair.centres[0],
+            pair.plane.normal,
+            pair.diameters,
+            pair.faces,
+            pair.lengths,
+        )
         for pair in facing(touch, bodies)
         if pair.distance <= SAME + gap
     )
@@ -155,21 +164,22 @@ def misaligned(
     )
 
 
-def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector]]:
+def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector, float]]:
     """Diameters [m] and centres (3,) on a plane of the bores that reach it or end at a chamfer
-    below it."""
-    candidates: list[tuple[float, float, Vector]] = []
+    below it, and the distances [m] from the plane to their other ends."""
+    candidates: list[tuple[float, float, Vector, float]] = []
     for bore in bores(body):
         heights = (bore.ends - plane.centre) @ plane.normal
         end = int(np.argmin(abs(heights)))
         if parallel(bore.axis, plane.normal) and abs(heights[end]) <= bore.radius:
             centre = bore.ends[end] - heights[end] * plane.normal
-            candidates.append((abs(heights[end]), bore.diameter, centre))
+            depth = float(np.abs(heights).max())
+            candidates.append((abs(heights[end]), bore.diameter, centre, depth))
     # of a stepped hole the step nearest to the plane
-    nearest: list[tuple[float, Vector]] = []
-    for _, diameter, centre in sorted(candidates, key=lambda candidate: candidate[0]):
-        if all(np.linalg.norm(centre - nearer) > SAME for _, nearer in nearest):
-            nearest.append((diameter, centre))
+    nearest: list[tuple[float, Vector, float]] = []
+    for _, diameter, centre, depth in sorted(candidates, key=lambda candidate: candidate[0]):
+        if all(np.linalg.norm(centre - nearer) > SAME for _, nearer, _ in nearest):
+            nearest.append((diameter, centre, depth))
     return nearest
 
 

@@ -37,6 +37,7 @@ class JointWords(NamedTuple):
     at: Literal["holes", "thread"] | Sequence[Sequence[float]] = "holes"  # or points [m]
     washer: float | None = None  # m, radius; None: the larger diameter of the two holes
     shares: tuple[int, ...] = ()  # sides that hold the bolt's share of the common face, if any
+    patches: str | None = None  # before the numbers of what it holds; None: its name
 
 
 class Under(NamedTuple):
@@ -77,6 +78,8 @@ class JointPlace(NamedTuple):
     # for each side, the other side's face whose footprint the mean motion is taken over; None: all
     # of its own face
     over: tuple[str | None, ...] = (None, None)
+    # diameter and length [m] of the hole in either body; none of points, threads and the ground
+    holes: tuple[tuple[float, float], ...] = ()
 
 
 class NamedParts(NamedTuple):
@@ -222,10 +225,11 @@ def _place_bolts(
     for i, place in enumerate(places, start=1):
         # the joint's first body first, z from it to the second
         sides, axis = list(zip(place.bodies, place.faces, strict=True)), place.axis
+        holes = list(zip(place.diameters, place.lengths, strict=True))
         if not (place.bodies[0] in first and place.bodies[1] in second):
-            sides, axis = sides[::-1], -axis
+            sides, axis, holes = sides[::-1], -axis, holes[::-1]
         on = [FaceSelection(body, (tag,)) for body, tag in sides]
-        names = [f"{joint.name}-{i}-{body}" for body, _ in sides]
+        names = [f"{joint.patches or joint.name}-{i}-{body}" for body, _ in sides]
         in_mesh = [f"{body}:{name}" for (body, _), name in zip(sides, names, strict=True)]
         over: list[str | None] = [None, None]
         if not joint.shares:
@@ -247,7 +251,15 @@ def _place_bolts(
                 over[side] = in_mesh[joint.shares[0]]
         pair = tuple(body for body, _ in sides)
         result.joints.append(
-            JointPlace(joint.name, pair, tuple(in_mesh), place.centre, axis, tuple(over))
+            JointPlace(
+                joint.name,
+                pair,
+                tuple(in_mesh),
+                place.centre,
+                axis,
+                tuple(over),
+                tuple(holes) if joint.at == "holes" else (),
+            )
         )
 
 

@@ -125,7 +125,7 @@ def test_a_key_like_none_names_the_tables_and_not_hundreds_of_keys(capsys):
 
 
 def test_a_word_that_is_no_key_finds_what_is_about_it_too(capsys):
-    bolts = keys_printed(capsys, "bolt")
-    assert bolts[0] == "assembly.bolt_inset" and "joints.NAME.at" in bolts
+    screws = keys_printed(capsys, "screw")
+    assert screws[0] == "assembly.foot_screw_z" and "assembly.constraint" in screws
     assert keys_printed(capsys, "washers") == ["joints.NAME.washer"]
     assert keys_printed(capsys, "damping of contacts")[0] == "contact.dissipation"

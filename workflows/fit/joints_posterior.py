@@ -3,7 +3,8 @@
     ln L = -1/2 sum_i [(ln f_i / f_m,i)^2 / s_i^2 + ln(2 pi s_i^2)],   s_i^2 = d^2 + e^2
 
 with d the error of a measured frequency and e a relative error of the model, which is sampled with
-the parameters: log-uniform priors, of each parameter within its bounds.
+the parameters: log-uniform priors, of each parameter within its bounds, lognormal ones of springs
+that follow from the drawing of a bolt.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,7 @@ from beadwave.workflows.fit.nested import (
     NestedPosterior,
     Prior,
     frequencies_log_likelihood,
+    log_normal,
     log_uniform,
     nested_posterior,
     quantiles,
@@ -29,7 +31,7 @@ from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
-from beadwave.workflows.structure.parameters import at_values, freed, usual
+from beadwave.workflows.structure.parameters import at_values, freed, from_drawing, usual
 from beadwave.workflows.structure.tuning import (
     DISAGREEMENT,
     frequency_errors,
@@ -59,7 +61,7 @@ class PosteriorRow(BaseModel):
 
     name: str
     unit: str
-    prior: tuple[float, float]  # ends of a log-uniform prior
+    prior: tuple[float, float]  # ends of a log-uniform prior, 95 % of a lognormal one
     median: float
     low: float  # 2.5 % of the posterior are below
     high: float  # and 2.5 % above
@@ -168,7 +170,7 @@ def joints_posterior(
     # points can be compared, and charged as `tune` charges it
     lost = measured * np.exp(UNFITTED)
     if priors is None:
-        priors = [log_uniform(p.name, p.lower, p.upper) for p in parameters]
+        priors = [prior_of(p) for p in parameters]
     of_error = log_uniform(MODEL_ERROR, options.least_error, options.largest_error)
 
     def log_likelihood(theta: NDArray[np.float64]) -> float:
@@ -178,6 +180,14 @@ def joints_posterior(
         return frequencies_log_likelihood(hz, measured, d, theta[-1])
 
     return nested_posterior(log_likelihood, [*priors, of_error], seed=seed, options=options.sampler)
+
+
+def prior_of(p: TuningParameter) -> Prior:
+    """Log-uniform within the bounds, or lognormal about the start of one that is known so well."""
+    if p.known is None:
+        return log_uniform(p.name, p.lower, p.upper)
+    # the mode of the density of value is below its median, which is the start
+    return log_normal(p.name, p.start * np.exp(-(p.known**2)), p.known, p.lower, p.upper)
 
 
 def bounded(candidates: list[TuningParameter], bounds: str | None) -> list[TuningParameter]:
@@ -206,15 +216,23 @@ def parameter_rows(
 ) -> list[PosteriorRow]:
     """Posterior of each parameter and of the model's error, next to the prior."""
     rows, shares = [], (0.5, 0.025, 0.975)
-    ends = [(p.lower, p.upper) for p in parameters] + [(options.least_error, options.largest_error)]
+    ends = [
+        (p.lower, p.upper) if p.known is None
+        else (p.start * np.exp(-1.96 * p.known), p.start * np.exp(1.96 * p.known))
+        for p in parameters
+    ]  # fmt: skip
+    ends.append((options.least_error, options.largest_error))
+    of_drawing = {p.name for p in parameters if p.known is not None}
     for j, (name, (lower, upper)) in enumerate(zip(posterior.names, ends, strict=True)):
         median, low, high = quantiles(posterior.samples[:, j], posterior.weights, shares)
 
         # ends of the bar in the probability of the log-uniform prior, 0 to 1
         at_low, at_high = (np.log(x / lower) / np.log(upper / lower) for x in (low, high))
         says, spans = "value", at_low < options.at_end and at_high > 1 - options.at_end
-        if name in posterior.undetermined or spans:
+        if name in posterior.undetermined or (spans and name not in of_drawing):
             says = "nothing"
+        elif name in of_drawing:  # its prior has no ends
+            says = "value"
         elif at_high > 1 - options.at_end:
             says = "lower bound"
         elif at_low < options.at_end:
@@ -269,7 +287,8 @@ def posterior_of(
     none are given. Raises InvalidScene for bad input and without the sampler."""
     require_nested_sampler()
     names = free or usual(scene, match)
-    parameters = bounded(freed(scene, names), bounds)
+    scene, known = from_drawing(scene, names, progress)
+    parameters = bounded(freed(scene, names, known), bounds)
     loose, basis, parameters = projected(scene, parameters, progress)
 
     # a user counts measured modes by their numbers, the basis by their places, from 1

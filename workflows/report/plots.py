@@ -291,6 +291,17 @@ def spheres(
         axis.figure.colorbar(discs, ax=axis, label=label, shrink=0.8)
 
 
+def discs(axis: Axes, at: Array, diameter: Array, **colours) -> EllipseCollection:
+    """Discs of diameters (n,) at points (n, 2), both in the units of the axes, by keywords of
+    matplotlib's collections."""
+    drawn = EllipseCollection(
+        diameter, diameter, np.zeros(len(diameter)), units="xy", offsets=at,
+        offset_transform=axis.transData, linewidths=0, **colours,
+    )  # fmt: skip
+    axis.add_collection(drawn)
+    return drawn
+
+
 def png(figure: Figure, banner: str = "") -> bytes:
     """The picture, under a red banner where it needs one."""
     if banner:

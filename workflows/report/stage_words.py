@@ -8,6 +8,7 @@ WORDS = {
     "krylov-space": "search for modes",
     "mac": "comparison of modes",
     "contact": "contact patch",
+    "joint-bounds": "limits of bolted joints",
     "reduction": "reduction to the contact",
     "second-mesh": "second mesh",
     "missed-energy": "errors of frequencies",

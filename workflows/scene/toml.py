@@ -56,6 +56,8 @@ INSTEAD = {
     "reduction.modes": {"cutoff", "error"},
     "reduction.cutoff": {"modes", "error"},
     "reduction.error": {"modes", "cutoff"},
+    "joints.NAME.preload": {"torque", "torque_deviation"},
+    "joints.NAME.torque": {"preload"},
     "shakers.NAME.displacement": {"velocity", "acceleration", "force"},
     "shakers.NAME.velocity": {"displacement", "acceleration", "force"},
     "shakers.NAME.acceleration": {"displacement", "velocity", "force"},
@@ -242,7 +244,8 @@ def _pair(change: Change) -> tuple[str, Any]:
 def instead_of(key: str) -> set[str]:
     """The keys of its table that a dotted key takes the place of."""
     words = key.split(".")
-    return INSTEAD.get(f"shakers.NAME.{words[-1]}" if words[0] == "shakers" else key, set())
+    of_a_name = words[0] in ("shakers", "joints") and len(words) > 2
+    return INSTEAD.get(f"{words[0]}.NAME.{words[-1]}" if of_a_name else key, set())
 
 
 def replaces(key: str, other: str) -> bool:

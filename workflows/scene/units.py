@@ -50,6 +50,7 @@ PRESSURE = Kind("pressure", "Pa", ("GPa", "MPa"))
 DENSITY = Kind("density", "kg/m^3", ("g/cm^3",))
 STIFFNESS = Kind("stiffness", "N/m", ("N/mm",))
 TURN_STIFFNESS = Kind("stiffness of a turn", "N m/rad")
+TORQUE = Kind("torque", "N m", ("N mm",))
 DASHPOT = Kind("dashpot", "N s/m", ("N s/mm",))
 TURN_DASHPOT = Kind("dashpot of a turn", "N m s/rad")
 COMPLIANCE = Kind("compliance", "m/N", ("mm/N",))
@@ -69,7 +70,7 @@ GAINS = {
 }
 KINDS = (
     LENGTH, MASS, TIME, FREQUENCY, VELOCITY, FORCE, PRESSURE, DENSITY, STIFFNESS, TURN_STIFFNESS,
-    DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, AREA, SECOND_MOMENT,
+    TORQUE, DASHPOT, TURN_DASHPOT, COMPLIANCE, SLOWNESS, FORCE_RATE, VOLTAGE, AREA, SECOND_MOMENT,
     ACCELERATION, INERTIA, *GAINS.values(),
 )  # fmt: skip
 

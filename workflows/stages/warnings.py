@@ -47,6 +47,7 @@ LARGE_MODEL_ERROR = 0.1  # error of the velocities over the striker's speed
 # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
 # one within a tenth (`examples/gallery/wall_thickness.py`)
 SLENDER_KH = 0.65
+LARGE_UTILISATION = 0.9  # preload over proof load, of permanent joints; Shigley (2015), eq. 8-31
 LOW_QUALITY = 0.7  # of a wave: below it, time and peak are those of overlapping waves
 PRESSED_ENERGY = 0.05  # elastic energy when the record ends, over the striker's
 # energy of the force at the wall above the band of a measured response, of the whole
@@ -176,6 +177,17 @@ def unheld_motions(numbers: Sequence[int]) -> Iterator[str]:
             "held: a piece of a body moves as if nothing joined it; look for nodes of its mesh "
             "that are not merged, and for pieces that nothing ties."
         )
+
+
+def overloaded_bolts(used: Mapping[str, float]) -> Iterator[str]:
+    """Bolts, by joint, whose preload is near what they bear: the share of their proof load."""
+    for joint, share in used.items():
+        if share > LARGE_UTILISATION:
+            yield (
+                f"joints.{joint}: the preload is {100 * share:.0f} % of the bolt's proof load, "
+                "which it bears without a lasting strain; advised are "
+                f"{100 * LARGE_UTILISATION:g} % at most: tighten it less, or take a stronger one."
+            )
 
 
 def distant_pairs(pairs: Mapping[int, tuple[float, float]]) -> Iterator[str]:

@@ -194,7 +194,8 @@ def modes(
     """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`); of a
     pressed crystal its modes, and bands and dispersion of its lattice.
 
-    out  folder for the picture of the MAC matrix, of a crystal for its dispersion
+    out  folder for the picture of the MAC matrix, of a crystal for its dispersion, and of faces in
+         contact under preload their zone and pressure, with contact.npz
 
     Raises InvalidScene for bad input, a scene without an assembly and a crystal that nothing
     presses, ValueError where a computation fails.
@@ -203,14 +204,23 @@ def modes(
     if chosen.crystal:
         return _modes_of_crystal(chosen, scene, out, overwrite, progress)
     chosen = with_structure(chosen)
-    folder = picture_folder(out, files_read(chosen, scene), overwrite, "mac")
+    in_contact = any(joint.model == "contact" for joint in chosen.bushings.values())
+    names = [*(["mac"] if chosen.measured_hz or not in_contact else [])]
+    names += ["contact"] if in_contact else []
+    folder = picture_folder(out, files_read(chosen, scene), overwrite, *names)
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
     result = ModesOfScene(chosen, mode_table(pipeline), pipeline)
-    if folder:
+    if folder and "mac" in names:
         write_pictures(folder, (result.plot(),))
+    if folder and in_contact:
+        from beadwave.workflows.structure.contact_table import contact_arrays, contact_picture
+
+        contact = pipeline("model").contact
+        write_pictures(folder, (contact_picture(contact),))
+        folder.write("contact.npz", contact_arrays(contact))
     return result
 
 

@@ -25,7 +25,7 @@ def dashpot_keys(scene: Scene) -> dict[str, tuple[float, float]]:
     for name, table in scene.bushings.items():
         for axis in ("x", "y", "z", "rx", "ry", "rz"):
             k = getattr(table, f"k{axis}")
-            if 0 < k < np.inf:
+            if k is not None and 0 < k < np.inf:
                 keys[f"joints.{name}.c{axis}"] = (getattr(table, f"c{axis}"), k)
     for one in scene.springs or ():
         for key, k in one.stiffnesses.items():

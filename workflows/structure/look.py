@@ -16,7 +16,9 @@ from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import Drawing, drawing
 from beadwave.workflows.stages.structure.meshed_parts import Parts
+from beadwave.workflows.stages.warnings import overloaded_bolts
 from beadwave.workflows.structure.face_page import face_page
+from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 from beadwave.workflows.structure.template import starter
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
@@ -90,6 +92,7 @@ class Look(BaseModel):
     masses: list[SeenMass] = []
     springs: list[SeenSpring] = []
     measured: list[SeenPart] = []
+    joints: list[JointRow] = []  # those that are known from their drawing
     dofs: int  # of the meshes
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
@@ -148,6 +151,9 @@ class Look(BaseModel):
             ]  # fmt: skip
             head = ("known by receptances", "joined to", "motions", "file", "")
             lines += ["", aligned_text(head, cells)]
+
+        if self.joints:
+            lines += ["", joints_text(self.joints)]
 
         seconds = float(f"{self.seconds:.2g}")
         left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
@@ -221,7 +227,15 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         for one in scene.masses or ()
         if (carrying := mass_of.get(one.on.partition(":")[0])) and one.mass > carrying
     ]
+    joints = joint_rows(parts.bolted) if parts else []
+    overloaded = [*overloaded_bolts({row.name: row.utilisation for row in joints})]
     dofs = int(3 * sum(nodes.values()))
+    chosen = []
+    if scene.mesh and scene.mesh.error:
+        chosen.append(
+            f"These elements have their usual sizes; mesh.error = {scene.mesh.error:g} chooses "
+            f"others, with {scene.mesh.unknowns} unknowns at most."
+        )
     report = Look(
         name=source,
         unit=geometry.unit,
@@ -233,6 +247,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         holes=holes,
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
         measured=_seen_parts(scene),
+        joints=joints,
         springs=[
             SeenSpring(
                 name=one.name, on=one.on, to=one.to, number=len(one.at), stiffness=one.stiffnesses
@@ -243,7 +258,7 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         unknowns=None if parts is None else dofs - constrained_dofs(parts),
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=remarks + heavy,
+        remarks=remarks + heavy + overloaded + chosen,
     )
     return LookContents(report, scene, meshes, parts, start, page)
 

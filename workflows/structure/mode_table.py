@@ -14,11 +14,17 @@ from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.engine.stage_table import asks_mesh_error
 from beadwave.workflows.stages.structure.health import mesh_numbers, shape_names
+from beadwave.workflows.structure.contact_table import ContactRow, contact_rows, contacts_text
+from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 
 READING = """\
 mesh error: by which the elements make the frequency too high;
 at contact: participation [kg^-1/2];  score: share of the mode's energy in the motion that
 identifies the measured mode;  MAC: with that mode of stiff joints"""
+BOUNDS = ("±", "no friction", "tied")
+READING_BOUNDS = """\
+±: standard deviation by the spreads of the joints;  no friction: as the faces under bolts slide and
+the bolts alone carry the shear;  tied: as these faces are tied all over"""
 LOADED = "The static load is {:.4g} % of the load that buckles it."
 NO_TARGETS = "No targets: [[targets]] lists measured modes to compare with these."
 
@@ -44,6 +50,9 @@ class ModeRow(BaseModel):
     score: float | None = None
     mac: float | None = None
     shape: str | None = None
+    tied_hz: float | None = None  # with the faces under bolts of a drawing tied all over
+    frictionless_hz: float | None = None  # without friction there
+    deviation_hz: float | None = None  # by the spreads of the joints
 
 
 class ModeTable(BaseModel):
@@ -53,6 +62,8 @@ class ModeTable(BaseModel):
     rows: list[ModeRow]
     error_of: str = "mesh error"
     load_factor: float | None = None  # static load over that which buckles the structure
+    joints: list[JointRow] = []  # those that are known from their drawing
+    contact: list[ContactRow] = []  # faces that bolts press, of model = "contact"
     mesh: MeshNumbers | None = None  # of mesh.error
     warnings: list[str] = []
 
@@ -65,7 +76,10 @@ class ModeTable(BaseModel):
             error = None if row.error_percent is None else f"{row.error_percent:.2g} %"
             of_parts = row.part_error_percent
             parts = () if not has_parts else (None if of_parts is None else f"{of_parts:.2g} %",)
-            computed = (row.number, f"{row.frequency_hz:.2f}", error, *parts, at_contact)
+            limits = (row.deviation_hz, row.frictionless_hz, row.tied_hz) if self.joints else ()
+            bounds = (None if hz is None else f"{hz:.4g}" for hz in limits)
+            hz = f"{row.frequency_hz:.2f}"
+            computed = (row.number, hz, *bounds, error, *parts, at_contact)
             if row.hammer_mode is None:
                 cells.append((*computed, "", "", ""))
                 continue
@@ -73,13 +87,10 @@ class ModeTable(BaseModel):
             measured = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
-        table = aligned_text(
-            (
-                "mode", "Hz", self.error_of, *(("of parts",) if has_parts else ()), "at contact",
-                "measured", "score", "MAC",
-            ),
-            cells,
-        )  # fmt: skip
+        bounds = BOUNDS if self.joints else ()
+        parts = ("of parts",) if has_parts else ()
+        head = "mode", "Hz", *bounds, self.error_of, *parts, "at contact", "measured", "score"
+        table = aligned_text((*head, "MAC"), cells)
         legend = READING if any(row.hammer_mode for row in self.rows) else NO_TARGETS
         load = LOADED.format(100 * self.load_factor) if self.load_factor is not None else ""
         if self.mesh:
@@ -98,7 +109,10 @@ class ModeTable(BaseModel):
             arise = "arise" if len(rows) > 2 else "arises"
             there_too = f" The smaller {ones} {others} {arise} there too." if others else ""
             whys.append(f"Mode {worst.number}: {worst.why}{there_too}")
-        return "\n".join([table, "", *filter(None, (shapes, legend, load, *self.warnings, *whys))])
+        joints = f"{READING_BOUNDS}\n\n{joints_text(self.joints)}\n" if self.joints else ""
+        contact = f"{contacts_text(self.contact)}\n" if self.contact else ""
+        sentences = filter(None, (shapes, legend, joints, contact, load, *self.warnings, *whys))
+        return "\n".join([table, "", *sentences])
 
 
 def mode_table(pipeline: Pipeline) -> ModeTable:
@@ -139,7 +153,17 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
             row.mac = None if np.isnan(mac[j][i]) else float(mac[j][i])
             row.shape = shape[i]
         rows.append(row)
+    joints, contact = [], []
+    if scene.bending is None and any(joint.bolt for joint in scene.bushings.values()):
+        joints, bounds = joint_rows(pipeline("mesh").bolted), pipeline("joint-bounds")
+        for key, values in bounds._asdict().items():
+            for row, hz, omega in zip(rows, values.tolist(), modes.omega, strict=True):
+                # rounding alone gives a rigid motion a frequency
+                if omega > RIGID * modes.omega.max():
+                    setattr(row, key, hz)
+        contact = contact_rows(pipeline("model").contact, pipeline("mesh").bolted)
     sentences = list(warnings.overconstrained(modes.overconstrained))
+    sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.rigid_motions(rigid.tolist())
@@ -171,6 +195,8 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         rows=rows,
         error_of="mesh error" if scene.bending is None else "error",
         load_factor=modes.load_factor,
+        joints=joints,
+        contact=contact,
         warnings=sentences,
     )
 

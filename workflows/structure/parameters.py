@@ -4,11 +4,15 @@ without their table, "head.ky"."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from beadwave import fem
 from beadwave.fem.modes.mac import SPRINGS
 from beadwave.fem.updating.tuning import CARRIED, TuningParameter
 from beadwave.workflows.scene import InvalidScene, Scene, nearest
 from beadwave.workflows.scene.rig import RigScene
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import Progress
 
 SHIFT = (1e7, 1e4, 1e12)  # start, lower, upper [N/m]
 TURN = (1e2, 1e-1, 1e8)  # [N m/rad]
@@ -66,9 +70,47 @@ def full_name(scene: Scene, name: str) -> str:
     return longer[0] if len(longer) == 1 else name
 
 
-def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
+def from_drawing(
+    scene: Scene, names: Sequence[str], progress: Progress
+) -> tuple[Scene, dict[str, float]]:
+    """The scene with the springs named, of all without names, that follow from a drawing as
+    numbers, and the standard deviations of their logarithms by name. Of bolts of a joint that
+    differ the geometric mean is taken."""
+    wanted = {full_name(scene, name) for name in names} if names else None
+    of_bolts = {
+        f"{joint}.{key}"
+        for joint, table in scene.bushings.items()
+        for key in fem.DIRECTIONS
+        if getattr(table, key) is None and (wanted is None or f"joints.{joint}.{key}" in wanted)
+    }
+    if not of_bolts:
+        return scene, {}
+    in_contact = [n for n in sorted(of_bolts) if scene.bushings[n.split(".")[0]].model == "contact"]
+    if in_contact and wanted is not None:
+        raise InvalidScene(
+            f'--free joints.{in_contact[0]}: its faces are in contact, model = "contact", and have '
+            'no springs; take model = "springs", or free materials.'
+        )
+    values: dict[str, list[tuple[float, float]]] = {}
+    for place in pipeline_of(scene, progress)("mesh").bolted:
+        for key, k, s in zip(fem.DIRECTIONS, place.springs, place.deviation, strict=True):
+            if (name := f"{place.joint}.{key}") in of_bolts:
+                values.setdefault(name, []).append((float(np.log(k)), float(s)))
+    stiffness, known = {}, {}
+    for name, pairs in values.items():
+        log_k, s = np.array(pairs).T
+        # four digits: a spread of some 10 % and more supports no others
+        stiffness[name] = float(f"{np.exp(log_k.mean()):.4g}")
+        known[f"joints.{name}"] = float(np.hypot(s.max(), log_k.std()))
+    return scene.with_joints(stiffness), known
+
+
+def freed(
+    scene: Scene, names: Sequence[str], known_deviation: Mapping[str, float] = {}
+) -> list[TuningParameter]:
     """Parameters by name, started from the values that the scene has where these lie between their
-    bounds; raises InvalidScene."""
+    bounds, with the standard deviations of their logarithms that are known; raises
+    InvalidScene."""
     is_rig = isinstance(scene, RigScene)
     if is_rig and scene.rig.assembly.constraint != "wires":
         raise InvalidScene(
@@ -117,7 +159,8 @@ def freed(scene: Scene, names: Sequence[str]) -> list[TuningParameter]:
                 raise InvalidScene(f"--free {set_by[value]} and {name} set the same; drop one.")
             set_by[value] = name
         start = before[0] if p.lower <= before[0] <= p.upper else p.start
-        parameters.append(p._replace(start=start, before=before))
+        deviation = known_deviation.get(name)
+        parameters.append(p._replace(start=start, before=before, known=deviation))
     return parameters
 
 

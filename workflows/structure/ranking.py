@@ -23,7 +23,7 @@ from beadwave.fem.updating.tuning import TuningParameter
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.engine.progress import Progress
-from beadwave.workflows.structure.parameters import freed, tunable
+from beadwave.workflows.structure.parameters import freed, from_drawing, tunable
 from beadwave.workflows.structure.tuning import (
     FrequencyErrors,
     frequency_errors,
@@ -144,7 +144,8 @@ def ranked(
             f"{scene.name} has nothing to free: no joint, no isotropic material and no mass; add "
             "[[joints]]."
         )
-    _, basis, candidates = projected(scene, freed(scene, names), progress)
+    scene, known = from_drawing(scene, names, progress)
+    _, basis, candidates = projected(scene, freed(scene, names, known), progress)
 
     # the modes at the scene's values, and which of them the targets are
     now = at_scene(basis, candidates)

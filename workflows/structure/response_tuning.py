@@ -4,7 +4,7 @@ Poles of the responses are identified and paired with computed modes, values are
 frequencies, and from there to the responses at all lines; the full model is the judge.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
@@ -66,7 +66,7 @@ from beadwave.workflows.structure.measured_responses import (
     resonances_chosen,
     test_places,
 )
-from beadwave.workflows.structure.parameters import at_values, freed, known, on_bodies
+from beadwave.workflows.structure.parameters import at_values, freed, from_drawing, known, on_bodies
 from beadwave.workflows.structure.response_report import (
     Fitted,
     ResponseReport,
@@ -119,7 +119,8 @@ def tuned_to_responses(
             f"{named} has {records} without a force, of which the height of responses is not "
             "known; give hits or frequency responses."
         )
-    solids, of_dampings = parameters_named(scene, free)
+    scene, deviations = from_drawing(scene, free, progress) if any(free) else (scene, {})
+    solids, of_dampings = parameters_named(scene, free, deviations)
     of_damping.require_damped(scene, of_dampings)
 
     # the test on the model with springs that can vary
@@ -228,10 +229,11 @@ def tuned_to_responses(
 
 
 def parameters_named(
-    scene: Scene, names: tuple[str, ...]
+    scene: Scene, names: tuple[str, ...], deviations: Mapping[str, float]
 ) -> tuple[list[TuningParameter], list[DampingParameter]]:
-    """Parameters of stiffness and mass, and those of damping; raises InvalidScene for names that
-    are neither, that come twice, and for none."""
+    """Parameters of stiffness and mass, with deviations of their logarithms that are known, and
+    those of damping; raises InvalidScene for names that are neither, that come twice, and for
+    none."""
     materials = [f"materials.{name}" for name in scene.materials]
     joints = [f"joints.{name}" for name in scene.bushings]
     springs = [f"springs.{one.name}" for one in scene.springs or ()]
@@ -256,7 +258,7 @@ def parameters_named(
             )
     solids = tuple(name for name in names if name not in damped)
     return (
-        freed(scene, solids) if solids else [],
+        freed(scene, solids, deviations) if solids else [],
         of_damping.freed_dampings(scene, [name for name in names if name in damped], parts),
     )
 

@@ -43,6 +43,7 @@ from beadwave.workflows.structure.parameters import (
     FACTORS,
     at_values,
     freed,
+    from_drawing,
     on_bodies,
     scene_values,
     usual,
@@ -51,6 +52,7 @@ from beadwave.workflows.structure.parameters import (
 # Relative errors of frequencies by which a fit is judged
 DISAGREEMENT = 1e-3  # of the full model and the projection
 MESH_ERROR = 0.01  # of a mesh that is fine enough to tune on; finer ones halve the error
+BEYOND = 2.0  # deviations of a drawing, beyond which a fitted value is said to contradict it
 AT_BOUND = 1e-3  # of a value from its bound
 LARGEST_MISS = 0.05  # of a fit: three times what the thesis' own matches miss, table 5.3
 
@@ -223,7 +225,8 @@ def tuned(
     Raises InvalidScene for what has no joints, and where the modes determine no parameter though
     they are met.
     """
-    candidates = freed(scene, free or usual(scene, match))
+    scene, known = from_drawing(scene, free, progress)
+    candidates = freed(scene, free or usual(scene, match), known)
 
     # a fit of all candidates, then again of those alone that the modes determine; the others stay
     # as they were in the scene
@@ -334,6 +337,7 @@ def tuned(
             *of_numbers,
             *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
             *_remarks(scene, match, fit, of_all, unchanged, candidates, confirmed, likeness),
+            *beyond_the_drawing(fit),
             *worth_of_the_bars(errors, scatter, spare),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
         ],
@@ -440,6 +444,25 @@ def _remarks(
         if unlike:
             remarks.append(f"{subject}: a frequency that matches is no proof of the joint.")
     return remarks
+
+
+def beyond_the_drawing(fit: Tuning) -> list[str]:
+    """Sentences on joints that are known from their drawing, and values that a fit moved beyond
+    what that says of them."""
+    sentences, known = [], [p for p in fit.parameters if p.known]
+    for p, x in zip(fit.parameters, fit.value, strict=True):
+        if p.known and abs(moved := np.log(x / p.before[0]) / p.known) > BEYOND:
+            sentences.append(
+                f"{p.name} is {x / p.before[0]:.3g} times what its drawing says, {p.before[0]:.4g} "
+                f"{unit(p.name)}, {abs(moved):.2g} of its deviations away: look at preload, faces "
+                "and washer of this joint."
+            )
+    if known and not sentences:
+        sentences.append(
+            f"{', '.join(p.name for p in known)} moved by less than {BEYOND:g} deviations from "
+            "what the drawing says."
+        )
+    return sentences
 
 
 def worth_of_the_bars(errors: FrequencyErrors, scatter: float, spare: int) -> list[str]:

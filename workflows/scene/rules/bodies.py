@@ -3,13 +3,13 @@ sentence each."""
 
 from collections import Counter
 from collections.abc import Iterator
-from math import isinf
+from math import inf
 from re import split
 
 from beadwave.workflows.scene.named_materials import NAMED, family
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import nearest
-from beadwave.workflows.scene.tables.bodies import GROUND, THREAD, Bolts, General
+from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, THREAD, Bolts, General
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
@@ -150,6 +150,8 @@ def _joints(scene: Scene) -> Iterator[str]:
         return
     yield from same_names(scene, "joints")
     for joint in scene.joints or ():
+        if joint.bolt is not None:
+            yield from _bolt(joint)
         if joint.at == THREAD:
             yield from _thread(joint)
         elif GROUND not in joint.partners:
@@ -162,11 +164,30 @@ def _joints(scene: Scene) -> Iterator[str]:
                 f"joints.{joint.name} holds the walls of holes to the ground; drop at and washer."
             )
         for key, coefficient in joint.dashpots.items():
-            if isinf(getattr(joint, key)):
+            if getattr(joint, key) == inf:
                 yield (
                     f"joints.{joint.name}.c{key[1:]} = {coefficient} is parallel to {key} = inf, "
                     f"which never moves; give joints.{joint.name}.{key}."
                 )
+
+
+def _bolt(joint: Bolts) -> Iterator[str]:
+    """A bolt with head and nut goes through holes, and holds discs about them."""
+    if GROUND in joint.partners or joint.at != "holes":
+        yield (
+            f"joints.{joint.name}.bolt needs holes through both bodies, from which it has its "
+            'grip; join two bodies at = "holes", or give the springs in place of the bolt.'
+        )
+    if joint.washer == SHARE:
+        yield (
+            f'joints.{joint.name}.washer = "share" contradicts its bolt, which holds the foot of '
+            "its pressure cone; drop washer, or give a radius."
+        )
+    if joint.frame != "normal":
+        yield (
+            f'joints.{joint.name}.frame = "{joint.frame}" contradicts its bolt, whose springs are '
+            "along and across it; drop frame."
+        )
 
 
 def _thread(joint: Bolts) -> Iterator[str]:

@@ -6,6 +6,7 @@ name stands for any letters.
 
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from math import isinf
 from re import split
 from typing import Annotated, Any, Literal
@@ -31,7 +32,7 @@ from beadwave.workflows.scene.scene_table import (
     one_or_each,
     text_or_table,
 )
-from beadwave.workflows.scene.tables.joints import JointStiffnesses
+from beadwave.workflows.scene.tables.bolts import FromDrawing
 from beadwave.workflows.scene.tables.mesh import AskedOfMesh
 from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
@@ -350,7 +351,7 @@ class Tied(SceneTable):
     under: UnderTable | None = None
 
 
-class Bolts(JointStiffnesses):
+class Bolts(FromDrawing):
     """Bolts between two bodies that touch, or from a body's holes to the ground; or a thread, a
     shank of one body in a bore of the other.
 
@@ -358,16 +359,20 @@ class Bolts(JointStiffnesses):
     mean of their motion (RBE3). In place of a washer a bolt may hold its "share" of the common
     face, half-way to the next bolts. Both sides of a thread move by their mean over the length that
     shank and bore have in common. `frame` "normal" has z along the bolt. Stiffnesses are
-    those of one bolt.
+    those of one bolt. With a `bolt` those that are not listed follow from the drawing.
     """
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$")]  # by which keys and results call it
-    between: Pair  # the pair, "lid|base"; of holes and the ground "lid:hole|ground"
+    # the pair, "lid|base"; of holes and the ground "lid:hole|ground"
+    between: Pair | None = None
+    # bodies of one bolt from its head to its nut, in place of a pair: ["plate", "left", "right"]
+    stack: Annotated[tuple[str, ...], Field(strict=False, min_length=3)] | None = None
     at: (
         Literal["holes", "thread"]
         | Annotated[tuple[Place3, ...], Field(strict=False, min_length=1)]
     ) = "holes"  # [m] "holes" through both, a "thread", or the points of the bolts
-    # [m] radius that is held, without one that of the holes; or a "share" of the face
+    # [m] radius that is held, without one that of the holes, of a bolt at least that of the foot
+    # of its pressure cone; or a "share" of the face
     washer: of(Positive, LENGTH, 1e-4, 0.3) | Literal["share"] | None = None
     # how each side is held: rigid (RBE2), or by its mean (RBE3)
     sides: Annotated[
@@ -385,11 +390,30 @@ class Bolts(JointStiffnesses):
             return {"sides": ("mean", "mean"), **table}
         return table
 
+    @model_validator(mode="after")
+    def _a_pair_or_a_stack(self) -> "Bolts":
+        """Bodies that are named once; a stack is that of a bolt."""
+        if (self.between is None) == (self.stack is None):
+            raise ValueError('needs between = "a|b", or the stack of a bolt: give one of the two')
+        if self.stack and len({*self.stack}) < len(self.stack):
+            raise ValueError(f"stack = {list(self.stack)} names a body twice: name each once")
+        if self.stack and self.bolt is None:
+            raise ValueError('stack is that of a bolt: add bolt = "M8-8.8", or write between')
+        return self
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """The pairs that it joins, from the head on: one, or of a stack those that follow each
+        other."""
+        if self.stack:
+            return tuple(pairwise(self.stack))
+        first, second = (side.strip() for side in self.between.split("|"))
+        return ((first, second),)
+
     @property
     def partners(self) -> tuple[str, str]:
-        """The two sides of `between`."""
-        first, second = (side.strip() for side in self.between.split("|"))
-        return first, second
+        """The first body, and the last or the ground."""
+        return self.pairs[0][0], self.pairs[-1][1]
 
 
 class Strike(SceneTable):

@@ -81,6 +81,11 @@ def has_measured_parts(scene: Scene) -> bool:
     return bool(scene.measured)
 
 
+def has_bolts(scene: Scene) -> bool:
+    """True of bodies with bolts that are known from their drawing."""
+    return any(joint.bolt is not None for joint in scene.bushings.values())
+
+
 def strikes_measured_part(scene: Scene) -> bool:
     """True of a chain before a structure with measured parts."""
     return bool(scene.measured and scene.chain)
@@ -253,6 +258,10 @@ STAGES = (
     ),
     Stage("modes", ".structure.bending:modes", tables_of(), ("model",), when=bent),
     Stage("modes", ".structure.assembly:modes", _targets, ("model",), means=("krylov-space",)),
+    Stage(
+        "joint-bounds", ".structure.joint_bounds:joint_bounds", tables_of(),
+        ("mesh", "model", "modes"), when=has_bolts,
+    ),
     Stage("mac", ".structure.bending:mac", tables_of(), ("modes",), when=bent, listed=False),
     Stage(
         "mac", ".structure.rigid_joint_mac:mac", tables_of(), ("mesh", "model", "modes"),

@@ -317,7 +317,7 @@ def energy_in(
 ) -> ShapeEnergy:
     """What the mesh misses in mass-normalised shapes phi (n, k) with K phi = M phi D + what is
     pushed."""
-    connections, load = mesh.connections, mesh.load
+    connections, load = mesh.assembled, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
     faces = {side.face for side in sides} - rigid
@@ -325,6 +325,8 @@ def energy_in(
     springs = [(spring.name, end) for spring in scene.springs or () for end in spring.ends]
     faces |= {mesh.face(spring_face(*end)) for end in springs}
     faces |= {mesh.face(part_face(part.name)) for part in scene.measured or ()}
+    faces |= {face for pair in mesh.contacts for face in (pair.slave, pair.master)}
+    faces |= {face for rod in mesh.rods for face in rod[:2]}
     still = [*connections.held, *(fem.HeldFace(face) for face in sorted(rigid))]
     if load is not None:
         faces |= {force.face for force in load.forces}

@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from beadwave import fem, rom
 from beadwave.fem.assembly.model import ConstrainedModel, constrained
+from beadwave.fem.contact.bolted_joint import rough_layer
+from beadwave.fem.contact.pressed_model import PairInContact, pressed_model
 from beadwave.fem.modes.assembly_modes import AssemblyModes, assembly_modes
 from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -24,7 +26,7 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
     """The parts assembled, joined and held, with measured parts of these fits where they are
     another's; raises InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
-    structure = _with_springs(scene, mesh, structure)
+    structure = _with_springs(scene, mesh, _with_bolts(mesh, structure))
     if scene.measured:
         # only these scenes pay for the reader of tests
         from beadwave.workflows.stages.structure.measured_parts import with_parts
@@ -34,6 +36,8 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
     _require_kept(scene, structure, connections, constraints)
+    if mesh.contacts:
+        return _pressed(scene, mesh, fem.joined(structure, mesh.assembled._replace(table=below)))
     joined = fem.joined(structure, connections, constraints)
     if mesh.load is None:
         return joined
@@ -41,6 +45,23 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
         return fem.prestressed(joined, mesh.materials, mesh.load)
     except ValueError as why:
         raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
+
+
+def _pressed(scene: Scene, mesh: Parts, open_model: fem.Model) -> fem.Model:
+    """The model about its state under preload; raises InvalidScene where there is none."""
+    load = mesh.load or fem.Load()
+    load = load._replace(rods=[*load.rods, *mesh.rods])
+    faces = []
+    for tie in mesh.contacts:
+        bodies = {face.partition(":")[0] for face in (tie.slave, tie.master)}
+        of_pair = [p for p in mesh.bolted if p.in_contact and {*p.pair.split("|")} == bodies]
+        friction, rough = of_pair[0].friction, rough_layer(of_pair[0].rms)[0]
+        bolts = [(place.centre, place.stiffness.slipped.kx) for place in of_pair]
+        faces.append(PairInContact(tie, friction, rough, bolts))
+    try:
+        return pressed_model(open_model, mesh.materials, load, faces).model
+    except ValueError as why:
+        raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
 
 
 def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:
@@ -59,6 +80,17 @@ def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Str
         except ValueError as error:
             why = str(error).replace(face, table.on).rstrip(".")
             raise InvalidScene(f"{scene.name}: masses.{table.name}: {why}.") from None
+    return structure
+
+
+def _with_bolts(mesh: Parts, structure: fem.Structure) -> fem.Structure:
+    """The structure with the masses of bolts, nuts and washers that are known from a drawing."""
+    axes = {joint.first.face: joint.frame for joint in mesh.connections.joints}
+    for place in mesh.bolted:
+        for face, end, centre in place.fasteners:
+            structure = fem.with_mass_on_face(
+                structure, face, end.mass, end.inertia, centre, axes[place.faces[0]]
+            )
     return structure
 
 

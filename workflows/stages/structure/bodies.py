@@ -7,7 +7,7 @@ parts       the bodies meshed, and what joins, holds and loads them
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from beadwave.workflows.scene.body_shapes import grid_lines, shapes
 from beadwave.workflows.scene.places import named_faces, part_face, spring_face
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
+from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
 from beadwave.workflows.stages.structure.meshed_parts import STRIKE, ElementSizes, Parts
 from beadwave.workflows.stages.structure.strike import around, struck
 
@@ -67,21 +68,22 @@ def words(scene: Scene) -> Words:
     # joints: their partners, the bolts' places, and on which sides a washer is imprinted
     joints = []
     for joint in scene.joints or ():
-        first, second = joint.partners
         rigid = tuple(i for i, coupling in enumerate(joint.sides) if coupling == "rigid")
-        joints.append(
-            JointWords(
-                joint.name,
-                f"joints.{joint.name}",
-                first,
-                # the ground stands on the second side
-                None if GROUND in joint.partners else second,
-                joint.at,
-                joint.washer if isinstance(joint.washer, float) else None,
-                # a bolt's share is imprinted on the sides that are rigid, else on the first
-                (rigid or (0,)) if joint.washer == SHARE else (),
+        for i, (first, second) in enumerate(joint.pairs, start=1):
+            joints.append(
+                JointWords(
+                    joint.name,
+                    f"joints.{joint.name}",
+                    first,
+                    # the ground stands on the second side
+                    None if second == GROUND else second,
+                    joint.at,
+                    joint.washer if isinstance(joint.washer, float) else None,
+                    # a bolt's share is imprinted on the sides that are rigid, else on the first
+                    (rigid or (0,)) if joint.washer == SHARE else (),
+                    f"{joint.name}-{i}" if joint.stack else None,
+                )
             )
-        )
     unders = {f"held-{i}": h.under for i, h in enumerate(scene.assembly.holds, start=1) if h.under}
     return Words(
         bodies=tuple(scene.bodies or ()),
@@ -117,6 +119,9 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
                     f"bodies.{name}.material, or assembly.material for all."
                 )
         ties = tied_pairs(scene, layout, selection)
+        bolted = bolted_places(scene, selection, bodies)
+        joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
+        pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
         face = struck(scene, bodies, selection.struck) if scene.strike else None
         named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
         if face:
@@ -141,11 +146,15 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
             sizes.fields,
             sizes.usual,
         )
-        meshes, fineness = meshed(layout, selection, ties, named, sizing)
+        meshes, fineness = meshed(layout, selection, [*ties, *pressed], named, sizing)
 
     made_of = {name: material(scene.made_of(name)) for name in meshes}
-    connections, rigid = _connections(scene, selection, ties, fineness)
-    whole = Parts(meshes, made_of, connections, rigid, face, _load(scene, selection), sizes)
+    connections, rigid = _connections(scene, selection, ties, fineness, bolted)
+    closed = tuple(_tie(touch, fineness) for touch in pressed)
+    whole = Parts(
+        meshes, made_of, connections, rigid, face, _load(scene, selection),
+        sizes, tuple(bolted.values()), closed,
+    )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", whole.nodes):
@@ -196,23 +205,31 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: NamedParts) -> list[Tou
     return [*tied.values(), *(unsaid if scene.assembly.touching == "tied" else ())]
 
 
+def _tie(touch: TouchingPair, fineness: Mapping[str, float]) -> fem.Tie:
+    """All that touches, tied: nodes of the finer face follow the coarser one, the other way round
+    nodes of the finer one between them would be free."""
+    master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
+    return fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap)
+
+
 def _connections(
-    scene: Scene, selection: NamedParts, ties: list[TouchingPair], fineness: dict[str, float]
+    scene: Scene,
+    selection: NamedParts,
+    ties: list[TouchingPair],
+    fineness: dict[str, float],
+    bolted: Mapping[int, BoltedPlace],
 ) -> tuple[fem.Connections, fem.Connections]:
     """Ties, joints and held faces as `fem` takes them, and the same with rigid joints and with ties
     over all that touches; `fineness` orders masters and slaves."""
-    # ties: nodes of the finer face follow the coarser one, the other way round nodes of the finer
-    # one between them would be free
     tied, wholly = [], []
     for touch in ties:
-        master, slave = sorted(touch.bodies, key=lambda body: fineness[body])
-        wholly.append(fem.Tie(f"{slave}:{touch.name}", f"{master}:{touch.name}", touch.gap))
+        wholly.append(_tie(touch, fineness))
         partly = selection.partly.get(touch.name)
         tied.append(fem.Tie(*partly, touch.gap) if partly else wholly[-1])
 
     # joints: springs along the axes of a frame, of which z is along the bolt unless it is global
     joints, tables = [], {joint.name: joint for joint in scene.joints or ()}
-    for place in selection.joints:
+    for i, place in enumerate(selection.joints):
         table = tables[place.joint]
         # the two faces of a bolt's share may lie apart by the gap on either side
         gap = 2 * scene.assembly.gap if table.washer == SHARE else 0.0
@@ -220,7 +237,11 @@ def _connections(
             fem.Side(face, coupling, over, gap=gap)
             for face, coupling, over in zip(place.faces, table.sides, place.over, strict=False)
         ]
-        springs = fem.Bushing(**{key: getattr(table, key) for key in fem.DIRECTIONS})
+        # of a bolt that is known from its drawing by formula, where the scene has none
+        springs = (
+            bolted[i].springs if i in bolted
+            else fem.Bushing(**{key: getattr(table, key) for key in fem.DIRECTIONS})
+        )  # fmt: skip
         frame = fem.normal_frame(place.axis) if table.frame == "normal" else np.eye(3)
         first, second = sides if len(sides) == 2 else (*sides, None)
         joints.append(fem.Joint(table.name, first, second, place.centre, springs, frame))

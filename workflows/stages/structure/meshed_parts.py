@@ -11,6 +11,7 @@ from skfem import Mesh
 from beadwave import fem
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.meshing.size_field import SizeField
+from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
 
 STRIKE = "strike"  # name of the face that the chain leans on
 
@@ -57,6 +58,29 @@ class Parts(NamedTuple):
     struck: Struck | None = None  # None: a scene without a strike
     load: fem.Load | None = None  # static, before the impact
     sizes: ElementSizes = ElementSizes()  # that it was meshed with
+    bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
+    closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
+
+    @property
+    def assembled(self) -> fem.Connections:
+        """The connections without the joints whose faces are in contact."""
+        in_contact = {place.number for place in self.bolted if place.in_contact}
+        joints = [j for i, j in enumerate(self.connections.joints) if i not in in_contact]
+        return self.connections._replace(joints=joints)
+
+    @property
+    def contacts(self) -> tuple[fem.Tie, ...]:
+        """Pairs of faces in contact, the slave carries the pressure."""
+        pairs = {frozenset(p.pair.split("|")) for p in self.bolted if p.in_contact}
+        return tuple(
+            tie for tie in self.closed
+            if frozenset(face.partition(":")[0] for face in (tie.slave, tie.master)) in pairs
+        )  # fmt: skip
+
+    @property
+    def rods(self) -> tuple[fem.Rod, ...]:
+        """Bolts that press faces in contact."""
+        return tuple(place.rod for place in self.bolted if place.rod is not None)
 
     def face(self, name: str) -> str:
         """A named face as "body:name"."""

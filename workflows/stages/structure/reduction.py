@@ -203,7 +203,7 @@ def _require_held(scene: Scene, modes: AssemblyModes) -> None:
         f"joints.{joint}.{key} = {k:g}"
         for joint, table in springs
         for key in fem.DIRECTIONS
-        if (k := getattr(table, key)) < OPEN_SPRING
+        if (k := getattr(table, key)) is not None and k < OPEN_SPRING
     ]
     held = [hold.on for hold in scene.assembly.holds]
     loose = ", ".join(open_joints) or f"assembly.held = {held} (of the rig: assembly.parts)"

@@ -47,7 +47,11 @@ def mac(
         phi = rigid.phi
 
     # no springs: the joints are rigid already
-    elif not len(model.elongation) and mesh.rigid.ties == mesh.connections.ties:
+    elif (
+        not len(model.elongation)
+        and model.contact is None
+        and mesh.rigid.ties == mesh.connections.ties
+    ):
         phi, index = computed.phi, computed.index
 
     # an assembly that floats, or ties of parts: the whole with rigid joints is solved

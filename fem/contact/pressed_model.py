@@ -1,0 +1,137 @@
+"""An assembly whose bolts press its faces, linear about that state.
+
+Bolts are rods from head to nut (`fem.assembly.rods`), tightened to their preload and then locked;
+other static loads act beside them. The zone follows from `fem.contact.preloaded_contact`; closed
+facets join the faces along the normal and, where they stick, across it. To K comes the geometric
+stiffness of the rods' tension and of the compression of what they press, which cancel but for
+bending.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags_array, vstack
+
+from beadwave.fem.assembly.constraints import congruent
+from beadwave.fem.assembly.joints import Tie
+from beadwave.fem.assembly.materials import Material, Orthotropic
+from beadwave.fem.assembly.model import Model
+from beadwave.fem.assembly.prestress import Load, static_forces, stress_stiffness
+from beadwave.fem.assembly.rods import tightened
+from beadwave.fem.contact.facing_facets import FacingFacets, facing_facets
+from beadwave.fem.contact.preloaded_contact import (
+    OPEN,
+    CondensedContact,
+    PreloadedContact,
+    condensed,
+    joined_stiffness,
+    preloaded_contact,
+    with_friction,
+)
+from beadwave.fem.modes.solver.factorisation import Factor, factorised
+from beadwave.fem.modes.solver.multifrontal import Singular
+
+# stiffness of a hard layer over E / h of the softer body, h the size of a facet: its compliance is
+# a 300th of that of the elements next to it
+HARD = 300.0
+# [rad^2/s^2] of a structure that floats: 1e-6 of the displacements where its first mode is at 1 kHz
+SHIFT = (2 * np.pi) ** 2
+
+
+class PairInContact(NamedTuple):
+    """Two faces in contact, with their friction and the layer of rough faces."""
+
+    pair: Tie  # the slave carries the pressure
+    friction: float
+    rough: float = 0.0  # lambda of k = p / lambda [m]; 0 of hard faces
+    # centres (3,) [m] of the bolts between them, and the shear stiffness [N/m] of each after slip
+    bolts: Sequence[tuple[NDArray[np.float64], float]] = ()
+
+
+class PressedModel(NamedTuple):
+    """What further preloads, friction and roughness need besides the linear model."""
+
+    model: Model
+    contact: CondensedContact
+    forces: NDArray[np.float64]  # (n,) [N]
+
+
+def pressed_model(
+    model: Model,
+    materials: Mapping[str, Material | Orthotropic],
+    load: Load,
+    faces: Sequence[PairInContact],
+) -> PressedModel:
+    """The model about its state under loads, whose rods press the faces.
+
+    Raises ValueError for faces that are not plane or have nothing in common, for rods that
+    `tightened` refuses, and for loads that open all of the contact.
+    """
+    structure, T = model.structure, model.T
+    pairs = [facing_facets(structure, *f.pair[:2], gap=f.pair.gap) for f in faces]
+    of_each = [len(pair.area) for pair in pairs]
+    facets = together(pairs)
+    young = [min(_young(materials[face.partition(":")[0]]) for face in f.pair[:2]) for f in faces]
+    hard = HARD * np.repeat(young, of_each) / np.sqrt(facets.whole)
+
+    rods = tightened(structure, load.rods)
+    F = T.T @ (static_forces(structure, materials, load) + rods.f)
+    K = model.K  # while bolts are tightened they have their tension and no stiffness
+    try:
+        shift, contact = 0.0, condensed(K, model.M, T, facets, hard)
+    except Singular:
+        shift, contact = SHIFT, condensed(K, model.M, T, facets, hard, shift=SHIFT)
+
+    def factor_of(state: PreloadedContact) -> Factor:
+        """Of K with the stiffness of a state."""
+        return factorised((K + joined_stiffness(contact.C, state) + shift * model.M).tocsc())
+
+    # the zone without friction; facets that slide share the stiffness of the bolt nearest to them
+    state = preloaded_contact(contact, F)
+    shear = []
+    closed = np.split(state.state != OPEN, np.cumsum(of_each)[:-1])
+    for pair, on, f in zip(pairs, closed, faces, strict=True):
+        if not f.bolts:
+            shear.append(np.zeros(len(on)))
+            continue
+        centres = np.array([centre for centre, _ in f.bolts])
+        nearest = np.linalg.norm(pair.points[:, None] - centres, axis=2).argmin(axis=1)
+        zone = np.bincount(nearest, pair.area * on, minlength=len(centres))
+        k = np.array([stiffness for _, stiffness in f.bolts])
+        shear.append((k / np.maximum(zone, pair.area.min()))[nearest])
+    state = state._replace(bolts=np.concatenate(shear))
+
+    # then what would slide
+    friction = np.repeat([f.friction for f in faces], of_each)
+    state = with_friction(contact, state, factor_of, F, friction)
+    state = state.with_roughness(np.repeat([f.rough for f in faces], of_each))
+
+    stresses = stress_stiffness(structure, materials, load, T @ state.u)
+    K_G = congruent(T, csr_matrix(stresses + rods.K_G + pressure_stiffness(state)))
+    K_0 = model.K0 + congruent(T, rods.K) + K_G + joined_stiffness(contact.C, state)
+    return PressedModel(model._replace(K0=K_0.tocsc(), contact=state), contact, F)
+
+
+def pressure_stiffness(contact: PreloadedContact) -> csr_matrix:
+    """K_G (ndof, ndof) [N/m] of the pressure, which turns with the first face: the second variation
+    of -int p g with g = n . (x_2 - x_1), dn = -grad u_n. Without it faces that slide would buckle
+    under the compression of the bodies."""
+    facets, m = contact.facets, len(contact.pressure)
+    P = diags_array(np.tile(contact.pressure * facets.area, 2))
+    A = csr_matrix(facets.S.T @ P @ facets.C[m:])
+    return csr_matrix(A + A.T)
+
+
+def together(pairs: Sequence[FacingFacets]) -> FacingFacets:
+    """The facets of all pairs; axes are those of the first."""
+    C = vstack([pair.direction(i) for i in range(3) for pair in pairs]).tocsr()
+    points, area, whole, gap = (np.concatenate([pair[i] for pair in pairs]) for i in range(4))
+    S = vstack([p.S[i * len(p.area) : (i + 1) * len(p.area)] for i in range(2) for p in pairs])
+    return FacingFacets(points, area, whole, gap, C, S.tocsr(), pairs[0].axes)
+
+
+def _young(material: Material | Orthotropic) -> float:
+    """[Pa], the smallest of an orthotropic material."""
+    return float(np.min(material.young))

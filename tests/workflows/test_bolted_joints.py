@@ -1,0 +1,307 @@
+"""Joints that are known from their drawing: scenes, refusals, tables, limits, tuning."""
+
+import json
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+
+from beadwave import InvalidScene
+from beadwave.fem.modes.mac import BodyForms, BodyMotion
+from beadwave.fem.updating.tuning import TuningBasis, TuningParameter, tune
+from beadwave.workflows.scene.toml import resolved, toml
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.structure import assembly
+
+from command_line import beadwave
+
+pytestmark = pytest.mark.usefixtures("shared_cache")
+SQUARE = [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04]]
+HOLES = {"diameter": 0.009, "at": [[0.02, 0.02]]}
+
+
+def plates(joint=(), **tables):
+    """Two square plates with one M8 in their middle."""
+    plate = {"outline": SQUARE, "thickness": 0.01}
+    return {
+        "name": "plates",
+        "assembly": {"held": [], "material": "steel", "touching": "free"},
+        "mesh": {"scale": 2.0},
+        "bodies": {
+            "left": {"plate": plate, "holes": HOLES},
+            "right": {"plate": plate, "holes": HOLES, "at": [0.0, 0.0, 0.01]},
+        },
+        "joints": [
+            {"name": "lap", "between": "left|right", "bolt": "M8-8.8", "preload": 12e3}
+            | dict(joint)
+        ],
+        **tables,
+    }
+
+
+def places(tables):
+    """Places of bolts of a scene."""
+    return assembly.mesh(resolved(tables, "plates.toml")).bolted
+
+
+@pytest.mark.parametrize(
+    ("joint", "sentence"),
+    [
+        ({"torque": 20.0}, "preload and torque exclude each other"),
+        ({"preload": None}, "bolt needs its preload in N, or its torque"),
+        ({"bolt": None}, "preload belong to a bolt"),
+        ({"bolt": "M7-8.8"}, "there are M3"),
+        ({"bolt": "M8-7.7"}, "strengths are 4.6"),
+        ({"bolt": "1/2-14 grade 5"}, "there are 1/4-20"),
+        ({"bolt": "eight"}, "not the name of a bolt"),
+        ({"bolt": {"diameter": 8e-3, "pitch": 5e-3, "proof_stress": 5e8}}, "below half"),
+        ({"torque_deviation": 0.1}, "is that of a torque"),
+        ({"model": "mesh"}, "springs"),
+        ({"model": "contact", "kz": 1e8}, "kz belong to springs"),
+        ({"model": "contact", "cz": 10.0}, "cz belong to springs"),
+        ({"washer": "share"}, "contradicts its bolt"),
+        ({"frame": "global"}, "contradicts its bolt"),
+        ({"at": [[0.02, 0.02, 0.01]], "washer": 0.01}, "needs holes through both bodies"),
+        ({"roughness": {}}, "needs Ra or rms"),
+        ({"roughness": {"Ra": 1e-6, "rms": 1e-6}}, "needs Ra or rms"),
+        ({"stack": ["left", "right", "lid"]}, "give one of the two"),
+        ({"between": None}, "give one of the two"),
+    ],
+)
+def test_a_bolt_that_contradicts_itself_is_refused_in_a_sentence(joint, sentence):
+    tables = plates(joint)
+    tables["joints"] = [{k: v for k, v in tables["joints"][0].items() if v is not None}]
+    with pytest.raises(InvalidScene, match=sentence) as refused:
+        resolved(tables, "plates.toml")
+    assert str(refused.value).count(". ") == 0
+
+
+def test_a_bolt_thicker_than_its_hole_is_refused():
+    with pytest.raises(InvalidScene, match=r"10 mm thick, its hole in left at .* is 9 mm wide"):
+        places(plates({"bolt": "M10-8.8"}))
+
+
+def test_a_bolt_that_falls_through_its_hole_is_refused():
+    with pytest.raises(InvalidScene, match="take a thicker bolt"):
+        places(plates({"bolt": "M6-8.8", "preload": 5e3}))
+
+
+def test_a_blind_hole_has_no_grip():
+    tables = plates()
+    tables["bodies"]["right"]["plate"] = {"outline": SQUARE, "thickness": 0.02}
+    tables["bodies"]["left"]["holes"] = {**HOLES, "depth": 0.006}
+    with pytest.raises(InvalidScene, match=r"in left .* the bolt has no grip"):
+        places(tables)
+
+
+def test_a_rod_in_the_hole_of_a_bolt_is_refused():
+    tables = plates(loads=[{"name": "rod", "on": "left:-z", "to": "right:+z", "tension": 1e3}])
+    tables["assembly"]["held"] = ["left:-x"]
+    with pytest.raises(InvalidScene, match=r"loads\.rod are two bolts in one hole"):
+        places(tables)
+
+
+def test_a_preload_of_a_torque_has_the_deviation_of_its_friction():
+    (place,) = places(plates({"preload": "12 kN"}))
+    assert (place.preload, place.preload_deviation) == (12e3, 0.0)
+    tables = plates({"torque": 20.0})
+    del tables["joints"][0]["preload"]
+    (place,) = places(tables)
+    assert place.preload == pytest.approx(20.0 / (0.2 * 0.008))
+    assert place.preload_deviation == pytest.approx(0.15 * place.preload)
+
+
+def test_a_key_beside_the_bolt_replaces_its_spring_alone():
+    (by_formula,), (own,) = places(plates()), places(plates({"kz": 3e8, "krx": float("inf")}))
+    assert own.springs.kz == 3e8 and np.isinf(own.springs.krx)
+    assert own.springs.kx == by_formula.springs.kx
+    assert own.deviation[2] == 0 and own.deviation[0] == by_formula.deviation[0]
+
+
+def test_a_bolt_by_its_numbers_is_the_one_of_that_name():
+    numbers = {
+        "diameter": "8 mm", "pitch": "1.25 mm", "proof_stress": "580 MPa", "across_flats": "13 mm",
+        "head_height": "5.3 mm", "nut_height": "6.8 mm",
+    }  # fmt: skip
+    (named,), (own,) = places(plates()), places(plates({"bolt": numbers}))
+    assert own.bolt == "8 mm" and own.proof_load == pytest.approx(named.proof_load)
+    assert own.stiffness.members == pytest.approx(named.stiffness.members)
+
+
+def test_a_stack_has_one_grip_and_a_joint_at_each_pair_of_faces():
+    tables = plates({"stack": ["left", "right", "lid"]})
+    del tables["joints"][0]["between"]
+    plate = {"outline": SQUARE, "thickness": 0.005}
+    tables["bodies"]["lid"] = {"plate": plate, "holes": HOLES, "at": [0.0, 0.0, 0.02]}
+    first, second = places(tables)
+    assert [first.pair, second.pair] == ["left|right", "right|lid"]
+    assert first.stiffness.members == second.stiffness.members
+    # the cone of the nearer end: 10 mm from the head, 5 mm from the nut
+    assert first.stiffness.held == pytest.approx(0.006 + 0.01 * np.tan(np.pi / 6))
+    assert second.stiffness.held == pytest.approx(0.006 + 0.005 * np.tan(np.pi / 6))
+    # the head moves with the first body, the nut with the last
+    (head,), (nut,) = first.fasteners, second.fasteners
+    assert head[0].startswith("left:") and nut[0].startswith("lid:")
+    # with half of the shank in the grip each
+    assert head[2][2] < 0.0125 < 0.0225 < nut[2][2]
+    tables["joints"][0]["stack"] = ["right", "left", "lid"]
+    with pytest.raises(InvalidScene, match=r"stack|touch"):
+        places(tables)
+
+
+def test_masses_of_bolt_nut_and_washer_go_into_the_model():
+    scene = resolved(plates(), "plates.toml")
+    mesh = assembly.mesh(scene)
+    M = assembly.model(scene, mesh).structure.M
+    bare = assembly.model(scene, mesh._replace(bolted=())).structure.M
+    fasteners = [end for place in mesh.bolted for _, end, _ in place.fasteners]
+    for axis in range(3):
+        shift = np.tile(np.eye(3)[axis], M.shape[0] // 3)
+        added = shift @ (M - bare) @ shift
+        assert added == pytest.approx(sum(end.mass for end in fasteners), rel=1e-9)
+    # about the bolt's axis their own inertia alone
+    x, y, _ = assembly.fem.assemble(mesh.meshes, mesh.materials).points.T - 0.02
+    turn = np.column_stack([-y, x, 0 * x]).ravel()
+    added = turn @ (M - bare) @ turn
+    assert added == pytest.approx(sum(end.inertia[2] for end in fasteners), rel=1e-6)
+
+
+@pytest.fixture
+def table(shared_cache, tmp_path):
+    path = tmp_path / "plates.toml"
+    path.write_text(toml(resolved(plates(), "plates.toml")))
+    return path
+
+
+def test_modes_as_json_have_the_joints_and_their_limits(table, capsys):
+    assert beadwave("modes", str(table), "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    (joint,) = answer["joints"]
+    assert joint["name"] == "lap" and joint["bolt"] == "M8-8.8" and joint["number"] == 1
+    assert joint["preload_N"] == 12e3 and joint["preload_deviation_N"] == 0
+    assert joint["members_N_m"] == pytest.approx(1.6894e9, rel=1e-4)
+    assert joint["slip_load_N"] == pytest.approx(1800)
+    for key, unit in {"kx": "N_m", "ky": "N_m", "kz": "N_m"}.items() | {
+        (key, "N_m_rad") for key in ("krx", "kry", "krz")
+    }:
+        assert joint[f"{key}_{unit}"] > 0 and joint[f"{key}_deviation"] > 0
+    assert joint["krx_N_m_rad"] == pytest.approx(joint["kz_N_m"] * joint["washer_m"] ** 2 / 4)
+    rigid, elastic = answer["rows"][:6], answer["rows"][6:]
+    assert all(row["tied_hz"] is None for row in rigid)
+    for row in elastic:
+        assert row["deviation_hz"] > 0
+        assert row["frictionless_hz"] <= row["frequency_hz"] * (1 + 1e-9)
+        assert row["tied_hz"] >= row["frequency_hz"]
+
+
+def test_look_shows_the_joint_and_warns_of_a_preload_near_the_proof_load(table, capsys):
+    assert beadwave("look", str(table), "--set", "joints.lap.preload=20 kN") == 0
+    text = capsys.readouterr().out
+    assert "1 x M8-8.8" in text and "Shigley" in text and "94 %" in text
+    assert "joints.lap: the preload is 94 % of the bolt's proof load" in " ".join(text.split())
+    assert beadwave("look", str(table), "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["joints"][0]["utilisation"] == pytest.approx(12e3 / 21.23e3, rel=1e-3)
+    assert not any("proof load" in remark for remark in answer["remarks"])
+
+
+def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp_path):
+    """One M8: the faces carry the preload, the zone is near the foot of the cone, and the
+    frequencies agree with those of the springs within their spreads."""
+    contact = ("--set", "joints.lap.model=contact", "--json")
+    assert beadwave("modes", str(table), *contact, "--out", str(tmp_path / "out")) == 0
+    answer = json.loads(capsys.readouterr().out)
+    (row,) = answer["contact"]
+    assert row["joint"] == "lap" and row["force_N"] == pytest.approx(12e3, rel=1e-6)
+    assert row["zone_radius_m"] == pytest.approx(0.006 + 0.01 * np.tan(np.pi / 6), rel=0.15)
+    assert 0 < row["stuck_share"] <= 1 and row["pressure_max_Pa"] > 12e3 / row["zone_area_m2"]
+    assert 0 < row["pressure_error"] < 0.5 and 0 < row["zone_error"] < 0.5
+    with np.load(tmp_path / "out" / "contact.npz") as arrays:
+        n = len(arrays["area"])
+        assert arrays["points"].shape == (n, 3)
+        assert {arrays[key].shape for key in ("area", "pressure", "gap", "state")} == {(n,)}
+        assert arrays["pressure"] @ arrays["area"] == pytest.approx(12e3, rel=1e-6)
+        assert np.array_equal(arrays["state"] > 0, arrays["pressure"] > 0)
+    assert (tmp_path / "out" / "figures" / "contact.png").is_file()
+    elastic = answer["rows"][6:]
+    for mode in elastic:
+        assert mode["frictionless_hz"] <= mode["frequency_hz"] * (1 + 1e-9)
+        assert mode["frequency_hz"] <= mode["tied_hz"]
+    assert beadwave("modes", str(table), "--json") == 0
+    springs = json.loads(capsys.readouterr().out)["rows"][6:]
+    for one, other in zip(elastic[:6], springs[:6], strict=True):
+        spread = np.hypot(one["deviation_hz"], other["deviation_hz"])
+        assert abs(one["frequency_hz"] - other["frequency_hz"]) < 2 * spread
+
+
+def test_faces_in_contact_have_no_springs_to_tune(table, capsys):
+    contact = ("--set", "joints.lap.model=contact")
+    assert beadwave("tune", str(table), *contact, "--match", "1=9000", "--free", "lap.kz") == 2
+    assert 'model = "contact"' in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_frequencies_follow_neither_washer_nor_mesh_beyond_the_spread():
+    """A lap of two plates under two bolts: three meshes, washers to 1.2 times the foot."""
+
+    def answer(scale, **joint):
+        outline = [[0, 0], [0.16, 0], [0.16, 0.06], [0, 0.06]]
+        holes = ([[0.12, 0.015], [0.12, 0.045]], [[0.04, 0.015], [0.04, 0.045]])
+        tables = plates(joint, mesh={"scale": scale})
+        for body, at in zip(tables["bodies"].values(), holes, strict=True):
+            body["plate"] = {"outline": outline, "thickness": 0.01}
+            body["holes"] = {"diameter": 0.009, "at": at}
+        tables["bodies"]["right"]["at"] = [0.08, 0.0, 0.01]
+        pipeline = pipeline_of(resolved(tables, "plates.toml"), lambda name: nullcontext())
+        return pipeline, pipeline("modes").omega[6:12] / (2 * np.pi)
+
+    pipeline, usual = answer(2.0)
+    spread = pipeline("joint-bounds").deviation_hz[6:12]
+    # a spread that says nothing would be met by anything: of the lowest mode it is 2.5 %
+    assert np.median(spread / usual) < 0.04
+    others = [answer(scale)[1] for scale in (1.4, 3.0)]
+    others += [answer(2.0, washer=washer)[1] for washer in (0.007, 0.0125, 0.014)]
+    for hz in others:
+        assert np.all(np.abs(hz - usual) < 1.5 * spread)
+
+
+def oscillator(known):
+    """One mass of 2 kg on one spring, started at 1e6 N/m."""
+    one = np.ones((1, 1))
+    shift = np.zeros((6, 1))
+    shift[0] = 1.0
+    forms = {"mass": BodyForms(0 * one, one, shift)}
+    targets = (BodyMotion("mass", "x"),)
+    # in coordinates of mass 1
+    e = one / 2**0.5
+    basis = TuningBasis(0 * one, one, e, ("lap.kz",), np.array([1e6]), forms, targets)
+    p = TuningParameter("joints.lap.kz", ("lap.kz",), 1e6, 1e4, 1e12, before=(1e6,), known=known)
+    return basis, [p]
+
+
+def test_a_spread_of_the_drawing_is_a_lognormal_prior_of_the_fit():
+    """ln f = ln k / 2 + c is linear: the fit is the mean of prior and measurement by their
+    variances."""
+    s, known = 0.1, 0.3
+    basis, parameters = oscillator(known)
+    measured = np.sqrt(2e6 / 2) / (2 * np.pi)  # of twice the stiffness
+    fit = tune(basis, parameters, {1: measured}, frequency_error=s)
+    weights = np.array([known**-2.0, (2 * s) ** -2.0])
+    mean = weights @ np.log([1e6, 2e6]) / weights.sum()
+    assert np.log(fit.value[0]) == pytest.approx(mean, abs=1e-6)
+    assert fit.deviation[0] == pytest.approx(weights.sum() ** -0.5, rel=1e-6)
+
+
+def test_tune_starts_from_the_drawing_and_says_which_joint_moved_beyond_it(table, capsys):
+    """Frequencies of a kx 2.6 deviations softer than the drawing's."""
+    (place,) = places(plates())
+    k = place.springs.kx * np.exp(-2.6 * place.deviation[0])
+    scene = resolved(plates({"kx": float(k)}), "plates.toml")
+    omega = pipeline_of(scene, lambda name: nullcontext())("modes").omega
+    hz = omega[omega > 1e-4 * omega.max()][:3] / (2 * np.pi)
+    match = ",".join(f"{i}={f:.3f}" for i, f in enumerate(hz, start=1))
+    command = ("tune", str(table), "--match", match, "--free", "joints.lap.kx", "--json")
+    assert beadwave(*command) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["stiffness"]["joints.lap.kx"] == pytest.approx(k, rel=0.05)
+    assert any("2.6 of its deviations away" in remark for remark in answer["remarks"])

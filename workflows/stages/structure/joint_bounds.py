@@ -1,0 +1,91 @@
+"""Limits and spreads of the frequencies of an assembly whose bolts are known from their drawing."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from beadwave import fem
+from beadwave.fem.contact.joint_bounds import JointBounds, spread_hz
+from beadwave.fem.contact.preloaded_contact import (
+    OPEN,
+    SLIDING,
+    STUCK,
+    joined_stiffness,
+    rim,
+)
+from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages.structure.meshed_parts import Parts
+
+NORMAL = np.array([False, False, True, True, True, False])  # of fem.DIRECTIONS
+
+
+def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes) -> JointBounds:
+    """Frequencies with the faces under bolts tied all over and without friction, and deviations."""
+    computed = fem.Modes(modes.omega, modes.phi)
+    n, n_dofs = len(modes.omega), model.structure.n_dofs
+    below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
+    by_number = {place.number: place for place in mesh.bolted if not place.in_contact}
+
+    def modes_of(connections: fem.Connections) -> fem.Modes:
+        """The modes of the bodies with other connections."""
+        other = fem.joined(model.structure, connections._replace(table=below))
+        if mesh.load is not None:
+            other = fem.prestressed(other, mesh.materials, mesh.load)
+        return fem.modes(other.K, other.M, n)
+
+    def modes_in(state: NDArray[np.int64]) -> fem.Modes:
+        """The modes with other states of the facets in contact."""
+        C, contact = csr_matrix(model.contact.facets.C @ model.T), model.contact
+        changed = joined_stiffness(C, contact._replace(state=state)) - joined_stiffness(C, contact)
+        other = model._replace(K0=(model.K0 + changed).tocsc())
+        return fem.modes(other.K, other.M, n)
+
+    # without friction: shear is that of the bolts after slip
+    joint, direction = np.divmod(model.free[model.elongation] - n_dofs, 6)
+    slipped, deviation = model.stiffness.copy(), np.zeros(len(joint))
+    names = np.array([name.rpartition(".")[0] for name in model.spring], dtype=object)
+    for spring, (i, d) in enumerate(zip(joint, direction, strict=True)):
+        if (place := by_number.get(int(i))) and place.deviation[d]:
+            slipped[spring] = min(place.stiffness.slipped[d], slipped[spring])
+            deviation[spring] = place.deviation[d]
+    sliding = model._replace(stiffness=slipped)
+    if model.contact is None:
+        without_friction = fem.modes(sliding.K, sliding.M, n)
+    else:
+        closed = model.contact.state != OPEN
+        without_friction = modes_in(np.where(closed, SLIDING, OPEN))
+
+    # groups of springs whose errors have one cause: those across and those along the faces of the
+    # joints of a table
+    groups = [
+        deviation * ((names == name) & (NORMAL[direction] == across))
+        for name in dict.fromkeys(place.joint for place in by_number.values())
+        for across in (True, False)
+    ]
+    spread = spread_hz(model, computed, without_friction, groups)
+
+    # faces in contact: half of what the frequency changes as facets at the rim of the zone open,
+    # and half of what it changes as all of the zone sticks, are one deviation each
+    hz = computed.frequency_hz
+    if model.contact is not None:
+        inner = np.where(rim(model.contact), OPEN, model.contact.state)
+        for state in (inner, np.where(closed, STUCK, OPEN)):
+            spread = np.hypot(spread, (hz - modes_in(state).frequency_hz) / 2)
+
+    # discs are neither rigid nor as flexible as the face alone: half of what a model differs in
+    # which both are held by their mean is one deviation
+    if by_number:
+        joints = list(mesh.connections.joints)
+        for i in by_number:
+            sides = (side._replace(coupling="mean") for side in (joints[i].first, joints[i].second))
+            joints[i] = joints[i]._replace(**dict(zip(("first", "second"), sides, strict=True)))
+        by_mean = modes_of(mesh.connections._replace(joints=joints))
+        spread = np.hypot(spread, (hz - by_mean.frequency_hz) / 2)
+
+    # tied: ties over all that the bolts press in place of their joints
+    connections = mesh.connections
+    bolted = {place.number for place in mesh.bolted}
+    joints = [j for i, j in enumerate(connections.joints) if i not in bolted]
+    tied = connections._replace(joints=joints, ties=[*connections.ties, *mesh.closed])
+    return JointBounds(modes_of(tied).frequency_hz, without_friction.frequency_hz, spread)

@@ -1,0 +1,134 @@
+"""Faces in contact under the preload of bolts: rows, arrays and a picture of zone and pressure."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import BaseModel
+
+from beadwave.fem.contact.preloaded_contact import (
+    OPEN,
+    STUCK,
+    PreloadedContact,
+    pressure_error,
+    rim,
+)
+from beadwave.workflows.files.npz import npz
+from beadwave.workflows.files.run_folder import Picture
+from beadwave.workflows.report import plots
+from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
+
+STATES = {0: "open", 1: "closed, slides", 2: "closed, sticks"}
+READING = """\
+zone: of a bolt, with its hole;  stuck: share of the zone whose shear under the preload is below
+friction times pressure;  errors: of the pressure by its jumps between facets, of the zone's area by
+half of the facets at its rim"""
+
+
+class ContactRow(BaseModel):
+    """The faces that the bolts of a joint press."""
+
+    joint: str
+    zone_area_m2: float
+    zone_radius_m: float  # mean over the bolts, of a disc with the hole
+    pressure_max_Pa: float
+    force_N: float
+    stuck_share: float
+    pressure_error: float  # relative
+    zone_error: float  # relative, of the area
+
+
+def contact_rows(
+    contact: PreloadedContact | None, places: Sequence[BoltedPlace]
+) -> list[ContactRow]:
+    """A row for each joint; a facet belongs to the bolt that is nearest to it."""
+    pressed = [place for place in places if place.in_contact]
+    if contact is None or not pressed:
+        return []
+    points, area = contact.facets.points, contact.facets.area
+    nearest = np.argmin(
+        [np.linalg.norm(points - place.centre, axis=1) for place in pressed], axis=0
+    )
+    at_rim, rows = rim(contact), []
+    for joint in dict.fromkeys(place.joint for place in pressed):
+        of_joint = [i for i, place in enumerate(pressed) if place.joint == joint]
+        mine = np.isin(nearest, of_joint)
+        on = mine & (contact.state != OPEN)
+        zone = float(area[on].sum())
+        holes = [pressed[i].hole for i in of_joint]
+        per_bolt = zone / len(of_joint) / np.pi + np.mean(np.square(holes)) / 4
+        part = contact._replace(state=np.where(mine, contact.state, OPEN))
+        rows.append(
+            ContactRow(
+                joint=joint,
+                zone_area_m2=zone,
+                zone_radius_m=float(np.sqrt(per_bolt)),
+                pressure_max_Pa=float(contact.pressure[mine].max()),
+                force_N=float(contact.pressure[mine] @ area[mine]),
+                stuck_share=float(area[mine & (contact.state == STUCK)].sum() / max(zone, 1e-300)),
+                pressure_error=pressure_error(part),
+                zone_error=float(area[mine & at_rim].sum() / 2 / max(zone, 1e-300)),
+            )
+        )
+    return rows
+
+
+def contacts_text(rows: Sequence[ContactRow]) -> str:
+    """The rows as a table, with how to read its columns."""
+    cells = [
+        (
+            row.joint,
+            f"{1e6 * row.zone_area_m2:.4g} ± {100 * row.zone_error:.2g} %",
+            f"{1e3 * row.zone_radius_m:.3g}",
+            f"{1e-6 * row.pressure_max_Pa:.3g}",
+            f"{100 * row.pressure_error:.2g} %",
+            f"{1e-3 * row.force_N:.4g}",
+            f"{100 * row.stuck_share:.0f} %",
+        )
+        for row in rows
+    ]
+    head = (
+        "contact", "zone [mm^2]", "radius [mm]", "highest pressure [MPa]", "its error",
+        "force [kN]", "stuck",
+    )  # fmt: skip
+    return f"{aligned_text(head, cells)}\n{READING}"
+
+
+def contact_arrays(contact: PreloadedContact) -> bytes:
+    """contact.npz: points (n, 3) [m], area (n,) [m^2], pressure (n,) [Pa], gap (n,) [m], state (n,)
+    0 open, 1 closed and sliding, 2 closed and stuck."""
+    return npz(
+        {
+            "points": contact.facets.points,
+            "area": contact.facets.area,
+            "pressure": contact.pressure,
+            "gap": contact.gap,
+            "state": contact.state,
+        }
+    )
+
+
+def contact_picture(contact: PreloadedContact) -> Picture:
+    """Pressure and state of the facets, as discs of their area, along the two global axes that span
+    the faces best."""
+    figure, axes = plots.subplots(1, 2, (10, 4.4))
+    first, second = np.sort(np.argsort(np.abs(contact.facets.axes[0]))[:2])
+    at = 1e3 * contact.facets.points[:, [first, second]]
+    size, on = 2e3 * np.sqrt(contact.facets.area / np.pi), contact.state != OPEN
+
+    plots.discs(axes[0], at[~on], size[~on], facecolors="0.85")
+    pressed = plots.discs(
+        axes[0], at[on], size[on], array=1e-6 * contact.pressure[on], cmap="viridis"
+    )
+    figure.colorbar(pressed, ax=axes[0], label="pressure [MPa]", shrink=0.8)
+    for state, colour in ((0, "0.85"), (1, "tab:orange"), (2, "tab:blue")):
+        of = contact.state == state
+        plots.discs(axes[1], at[of], size[of], facecolors=colour)
+        axes[1].plot([], [], "o", color=colour, label=STATES[state])
+    figure.legend(loc="outside upper right", ncols=3, fontsize=8, frameon=False)
+    for axis in axes:
+        axis.autoscale_view()
+        axis.set_aspect("equal")
+        axis.set_xlabel(f"{'xyz'[first]} [mm]")
+        axis.set_ylabel(f"{'xyz'[second]} [mm]")
+    return Picture("contact", plots.png(figure))
