@@ -347,3 +347,14 @@ def test_contacts_that_yield_do_so_as_in_a_chain(network):
     lost = [r.arrays["dissipated_contact"][-1] for r in (run, row)]
     assert lost[0] == pytest.approx(lost[1], rel=1e-3) and lost[0] > 0.0
     assert run.summary.energy_error < 1e-5
+
+
+def test_data_are_named_by_sphere_contact_and_axis_and_a_film_is_refused(tmp_path, capsys):
+    run = beadwave.impact(SMALL, {"crystal.missing": [[0, 0]]}, out=tmp_path / "run")
+    data, arrays = run.data, run.arrays
+    assert data.velocity.sel(sphere=2, axis="y", time=0.0) == 0.3
+    assert data.velocity.attrs["units"] == "m/s" and data.energy_spin.attrs["units"] == "J"
+    assert data.sizes["contact"] == arrays["pair_force"].shape[1]
+    np.testing.assert_array_equal(data.error_velocity, arrays["error_velocity"])
+    assert command("film", str(tmp_path / "run")) == 2
+    assert "open its report.html" in capsys.readouterr().err

@@ -55,6 +55,8 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     Of the arrays by name those over the k instants of t (k,) and the wall's modes; the cycle before
     a striker, which has instants of its own, is left out.
     """
+    if "displacement" in arrays:
+        return of_crystal(arrays)
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
         if name.startswith("error_"):
@@ -78,6 +80,40 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     numbered = {"sphere": arrays["x"].shape[1], "contact": arrays["contact_force"].shape[1]}
     coords = {name: np.arange(1, n + 1) for name, n in numbered.items()}
     return xarray.Dataset(variables, coords | {"time": ("time", arrays["t"], {"units": "s"})})
+
+
+# arrays of a crystal: dimensions and unit
+CRYSTAL = {
+    "displacement": (("time", "sphere", "axis"), "m"),
+    "velocity": (("time", "sphere", "axis"), "m/s"),
+    "angular_velocity": (("time", "sphere", "axis"), "rad/s"),
+    "pair_force": (("time", "contact"), "N"),
+    "pair_friction": (("time", "contact", "axis"), "N"),
+    "wall_x": (("time",), "m"), "wall_v": (("time",), "m/s"), "wall_force": (("time",), "N"),
+    "rest": (("sphere", "axis"), "m"), "radius": (("sphere",), "m"),
+    "pairs": (("contact", "end"), "1"),
+    "error_displacement": (("sphere",), "m"), "error_velocity": (("sphere",), "m/s"),
+    "error_pair_force": (("contact",), "N"),
+}  # fmt: skip
+
+
+def of_crystal(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
+    """A crystal's trajectory over time [s], spheres by their numbers, contacts from 1 and the axes
+    x, y, z; energies in J. `pairs` are rows of the spheres, from 0."""
+    variables = {}
+    for name, values in arrays.items():
+        if name in CRYSTAL:
+            dimensions, unit = CRYSTAL[name]
+            variables[name] = (dimensions, values, unit)
+        elif name.startswith(("energy", "dissipated", "work")):
+            variables[name] = (("time",), values, "J")
+    return dataset(
+        variables,
+        time=("time", arrays["t"], {"units": "s"}),
+        sphere=arrays["saved"],
+        contact=np.arange(1, len(arrays["pairs"]) + 1),
+        axis=["x", "y", "z"],
+    )
 
 
 def dataset(

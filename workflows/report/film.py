@@ -143,6 +143,11 @@ def frames(folder: Path, n: int) -> tuple[Frames, Scene]:
         raise InvalidScene(
             f"{folder} has no trajectory.npz: its scene has no chain, nothing moves."
         )
+    if scene.crystal:
+        raise InvalidScene(
+            f"{folder} is the run of a crystal, of which there is no film; open its report.html, "
+            "which moves the spheres."
+        )
     i = np.unique(np.linspace(0, len(run["t"]) - 1, n).round().astype(int))
     radius = np.broadcast_to(scene.chain.radius, run["x"].shape[1]).astype(float)
 

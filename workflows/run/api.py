@@ -62,7 +62,8 @@ class Run:
     scene     as it was run, every default filled in
     summary   single numbers: `summary.peak_wall_force_N`, `summary.modes_hz`, `summary.waves`, ...
     arrays    of the trajectory by name, see the run folder's trajectory.npz
-    data      the same as an xarray.Dataset: dimensions time, sphere, contact, each with its unit
+    data      the same as an xarray.Dataset: dimensions time, sphere, contact, of a crystal also
+              axis, each with its unit
     folder    the run folder, None where nothing was written
     notes     what the user is to know of the folder, in sentences
     """
