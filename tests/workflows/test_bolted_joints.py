@@ -205,6 +205,7 @@ def test_look_shows_the_joint_and_warns_of_a_preload_near_the_proof_load(table, 
     assert not any("proof load" in remark for remark in answer["remarks"])
 
 
+@pytest.mark.slow
 def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp_path):
     """One M8: the faces carry the preload, the zone is near the foot of the cone, and the
     frequencies agree with those of the springs within their spreads."""
