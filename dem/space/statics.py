@@ -114,14 +114,14 @@ def at_rest(packing: Packing, load: Array) -> Packing:
             damping *= 4.0
         else:
             raise NoEquilibrium(
-                "the packing finds no state of rest where it is pressed: spheres at its sides "
-                "give way; press it less, or make its sides periodic"
+                "the packing finds no state of rest where it is pressed, as spheres give way; "
+                "make its sides periodic, scatter its radii less, or press it more"
             )
         u, before, damping = u + du, after, max(damping / 10.0, 1e-12)
     else:
         raise NoEquilibrium(
-            "the packing finds no state of rest in 400 steps; press it less, or make its sides "
-            "periodic"
+            "the packing finds no state of rest in 400 steps; make its sides periodic, scatter its "
+            "radii less, or press it more"
         )
 
     _, overlap, _ = lines(packing, u)
