@@ -40,6 +40,11 @@ def with_targets(scene: Scene) -> Scene:
     return _with(scene, scene.measured_hz, f"{lacking} or --hammer FILE")
 
 
+def with_mac(scene: Scene) -> Scene:
+    """A scene whose modes have a MAC matrix."""
+    return _with(scene, scene.measured_hz, "targets for a MAC matrix; add [[targets]]")
+
+
 def with_wall(scene: Scene) -> Scene:
     """A scene whose chain hits something."""
     return _with(scene, scene.wall, "[wall]; add one, or take rig-rigid")

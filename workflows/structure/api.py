@@ -21,6 +21,7 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.required_parts import (
     with_assembly,
+    with_mac,
     with_rig,
     with_structure,
     with_targets,
@@ -205,8 +206,10 @@ def modes(
         return _modes_of_crystal(chosen, scene, out, overwrite, progress)
     chosen = with_structure(chosen)
     in_contact = any(joint.model == "contact" for joint in chosen.bushings.values())
-    names = [*(["mac"] if chosen.measured_hz or not in_contact else [])]
-    names += ["contact"] if in_contact else []
+    pictures = {"mac": bool(chosen.measured_hz), "contact": in_contact}
+    names = [name for name, drawn in pictures.items() if drawn]
+    if out is not None and not names:
+        with_mac(chosen)
     folder = picture_folder(out, files_read(chosen, scene), overwrite, *names)
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
     from beadwave.workflows.structure.mode_table import mode_table

@@ -9,7 +9,7 @@ from beadwave.workflows.report import plots
 from beadwave.workflows.report.summary import MeshNumbers
 from beadwave.workflows.report.summary_rows import mesh_words
 from beadwave.workflows.report.tables import aligned_text
-from beadwave.workflows.scene import InvalidScene
+from beadwave.workflows.scene.required_parts import with_mac
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.engine.stage_table import asks_mesh_error
@@ -204,12 +204,9 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
 def mac_picture(pipeline: Pipeline) -> Picture:
     """The MAC matrix of the computed modes with those of stiff joints; values from 0.05 on stand in
     their cells."""
+    with_mac(pipeline.scene)
     hz = pipeline("modes").omega / (2 * np.pi)
     mac = pipeline("mac")
-    if not mac.shape[1]:
-        raise InvalidScene(
-            f"{pipeline.scene.name}: there are no targets for a MAC matrix; add [[targets]]."
-        )
     stiff = [f"mode {n}" for n in pipeline.scene.measured_numbers]
     figure, (axis,) = plots.subplots(1, 1, (5, 1.2 + 0.26 * len(mac)))
     names = [f"{f:.0f} Hz" for f in hz], stiff
