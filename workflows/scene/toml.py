@@ -175,7 +175,8 @@ def changed(tables: dict[str, Any], changes: Iterable[Change]) -> dict[str, Any]
     for two keys of which each takes the place of the other."""
     # `unusual` last: it refers to the final values
     pairs = sorted(map(_pair, changes), key=lambda pair: pair[0] == "unusual")
-    for (first, _), (second, _) in combinations(pairs, 2):
+    given = [key for key, value in pairs if value not in (None, "none")]
+    for first, second in combinations(given, 2):
         if replaces(first, second) and replaces(second, first):
             raise InvalidScene(f"--set {first} and --set {second} exclude each other; drop one.")
     written = tables
