@@ -73,7 +73,9 @@ def pressed_model(
     pairs = [facing_facets(structure, *f.pair[:2], gap=f.pair.gap) for f in faces]
     of_each = [len(pair.area) for pair in pairs]
     facets = together(pairs)
-    young = [min(_young(materials[face.partition(":")[0]]) for face in f.pair[:2]) for f in faces]
+    young = [
+        min(np.min(materials[face.partition(":")[0]].young) for face in f.pair[:2]) for f in faces
+    ]
     hard = HARD * np.repeat(young, of_each) / np.sqrt(facets.whole)
 
     rods = tightened(structure, load.rods)
@@ -130,8 +132,3 @@ def together(pairs: Sequence[FacingFacets]) -> FacingFacets:
     points, area, whole, gap = (np.concatenate([pair[i] for pair in pairs]) for i in range(4))
     S = vstack([p.S[i * len(p.area) : (i + 1) * len(p.area)] for i in range(2) for p in pairs])
     return FacingFacets(points, area, whole, gap, C, S.tocsr(), pairs[0].axes)
-
-
-def _young(material: Material | Orthotropic) -> float:
-    """[Pa], the smallest of an orthotropic material."""
-    return float(np.min(material.young))

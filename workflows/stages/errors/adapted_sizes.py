@@ -51,7 +51,6 @@ AIM = 0.7  # of the energy allowed, that the next mesh is made for
 FINEST = 1 / 6  # times the size, from one mesh to the next: indicators do not reach further
 LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as much as all others
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
-FLOOR_SHARE = 0.5  # of the error asked: a floor above it ends the search
 MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
 TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
@@ -132,7 +131,7 @@ def _meshed(scene: Scene, sizes: ElementSizes) -> tuple[Parts, ElementSizes]:
 
 def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | None:
     """What ends the search with the last mesh solved."""
-    if found.floor > FLOOR_SHARE * asked:
+    if found.stated - found.floor <= asked:  # what meshes can lower is as low as asked
         return "floor"
     gains = [1 - b.stated / a.stated for a, b in pairwise(solved)]
     if len(gains) >= 2 and max(gains[-2:]) < SMALL_GAIN:
