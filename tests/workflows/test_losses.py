@@ -14,7 +14,7 @@ from beadwave.workflows.scene import InvalidScene, LossFactorsTable
 from beadwave.workflows.stages.chain.damping import damping
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
-from beadwave.workflows.stages.structure.assembly import mesh
+from beadwave.workflows.stages.structure.bodies import parts
 from beadwave.workflows.stages.structure.face import StruckFace
 from beadwave.workflows.stages.structure.loss_factors import strain_of, structure_damping
 from beadwave.workflows.structure.api import fit_losses
@@ -162,7 +162,7 @@ def test_a_run_and_its_errors_take_the_ratios_of_the_loss_factors(shared_cache, 
 def test_a_scan_takes_on_any_mesh_the_ratios_of_the_loss_factors(shared_cache, tmp_path):
     one = scene(silent_scene(tmp_path, STRUCK + PADS + LOSS))
     zeta, hz = ratios(one)
-    for face in (StruckFace(one), StruckFace(one, mesh(one, 0.8))):
+    for face in (StruckFace(one), StruckFace(one, parts(one, coarser=0.8))):
         computed = damping_ratios(face._damping(), 2 * np.pi * hz)
         np.testing.assert_allclose(computed, zeta)
 
