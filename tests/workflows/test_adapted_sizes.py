@@ -9,6 +9,7 @@ from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.errors import adapted_sizes
+from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.meshed_parts import SolvedMesh
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
@@ -129,3 +130,19 @@ def test_a_floor_ends_the_search_once_meshes_have_done_their_part():
 
     assert ended(0.05) is None
     assert ended(0.015) == "floor"
+
+
+def test_the_last_mesh_of_the_search_is_not_solved_again(tmp_path, monkeypatch):
+    """A later run, which knows the sizes alone, has the same mesh."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path))
+    held = of("cantilever", "mesh.error=0.02")
+    n_unknowns = held("sizes").meshes[-1].unknowns
+    with monkeypatch.context() as patched:
+        for module, name in ((bodies, "parts"), (assembly, "model"), (assembly, "modes")):
+            patched.setattr(module, name, lambda *a: pytest.fail("solved again"))
+        assert len(held("modes").phi) == n_unknowns
+        assert held("contact").w.shape == (n_unknowns,)
+
+    later = of("cantilever", "mesh.error=0.02")
+    assert np.array_equal(later("mesh").meshes["beam"].p, held("mesh").meshes["beam"].p)
+    assert {stage.name for stage in later.reports} == {"mesh"}

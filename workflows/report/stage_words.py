@@ -1,7 +1,7 @@
 """Words for a person in place of the names of stages in summaries and caches."""
 
 WORDS = {
-    "sizes": "sizes of elements",
+    "search": "sizes of elements",
     "model": "stiffness and mass",
     "tuning-basis": "basis of the fit",
     "factor": "factors of the stiffness",

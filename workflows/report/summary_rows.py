@@ -22,7 +22,7 @@ ERRORS = {
     "mesh": (
         "mesh",
         (
-            "sizes",
+            "search",
             "mesh",
             "model",
             "second-mesh",

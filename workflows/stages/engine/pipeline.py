@@ -72,7 +72,7 @@ class Pipeline:
             users = {
                 user
                 for user, stage in self._stages.items()
-                if name in stage.needs or name in stage.means
+                if name in (*stage.needs, *stage.means, stage.within)
             }
             if self._stages[name].transient and users <= self._results.keys():
                 self._results.pop(name, None)
@@ -166,6 +166,9 @@ class Pipeline:
             self(earlier)
         module, function = stage.function.split(":")
         self._computed.add(name)
+        whole = self._results.get(stage.within)
+        if whole is not None and name in whole.solved:
+            return whole.solved.pop(name)  # from now on it is here alone, and let go from here
         with self._progress(name) if stage.listed else nullcontext():
             return getattr(import_module(module, STAGES), function)(self.scene, *needed)
 

@@ -37,6 +37,9 @@ class Stage(NamedTuple):
     # what it is computed with, handed in after what it needs: its result does not depend on it
     # but for rounding, so that a change of the contact keeps the modes
     means: tuple[str, ...] = ()
+    # a stage whose result has this one's as well, `solved`: it is taken from there while that one
+    # is in memory, which has computed it on the way
+    within: str = ""
 
 
 def needs_structure(scene: Scene) -> bool:
@@ -241,23 +244,36 @@ CAUSES = "reduction", "mesh", "theory", "receptance"  # of the errors of an impa
 STAGES = (
     # the structure: bodies
     Stage(
-        "sizes", ".errors.adapted_sizes:adapted_sizes",
-        lambda scene: [_dimensions(scene), _joined(scene), _targets(scene)], when=asks_mesh_error,
+        "search", ".errors.adapted_sizes:search", tables_of(), when=asks_mesh_error,
+        kept=False, transient=True,
     ),
-    Stage("mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False),
+    Stage(
+        "sizes", ".errors.adapted_sizes:adapted_sizes",
+        lambda scene: [_dimensions(scene), _joined(scene), _targets(scene)], ("search",),
+        when=asks_mesh_error, listed=False,
+    ),
+    Stage(
+        "mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False, within="search"
+    ),
     Stage("model", ".structure.bending:model", tables_of(*BENT), when=bent, kept=False),
-    Stage("model", ".structure.assembly:model", _joined, ("mesh",), kept=False),
+    Stage(
+        "model", ".structure.assembly:model", _joined, ("mesh",), kept=False, within="search"
+    ),
     Stage("tuning-basis", ".structure.assembly:tuning_basis", _targets, ("model",)),
     Stage(
-        "factor", ".structure.assembly:factor", tables_of(), ("model",), kept=False, transient=True
+        "factor", ".structure.assembly:factor", tables_of(), ("model",), kept=False, transient=True,
+        within="search",
     ),
     Stage(
         "krylov-space", ".structure.krylov_space:krylov_space",
         lambda scene: [_targets(scene), tables_of("reduction", "strike")(scene)],
-        ("mesh", "model", "factor"), kept=False, transient=True,
+        ("mesh", "model", "factor"), kept=False, transient=True, within="search",
     ),
     Stage("modes", ".structure.bending:modes", tables_of(), ("model",), when=bent),
-    Stage("modes", ".structure.assembly:modes", _targets, ("model",), means=("krylov-space",)),
+    Stage(
+        "modes", ".structure.assembly:modes", _targets, ("model",), means=("krylov-space",),
+        within="search",
+    ),
     Stage(
         "joint-bounds", ".structure.joint_bounds:joint_bounds", tables_of(),
         ("mesh", "model", "modes"), when=has_bolts,
@@ -271,7 +287,10 @@ STAGES = (
         "contact", ".structure.bending:contact", tables_of(), ("model",),
         when=bent, kept=False, listed=False,
     ),
-    Stage("contact", ".structure.assembly:contact", tables_of("strike"), ("mesh", "model")),
+    Stage(
+        "contact", ".structure.assembly:contact", tables_of("strike"), ("mesh", "model"),
+        within="search",
+    ),
     Stage(
         "surface", ".structure.strike:surface", tables_of(), ("mesh",),
         when=strikes_bodies, listed=False,
@@ -287,7 +306,7 @@ STAGES = (
     ),
     Stage(
         "half-space", ".structure.reduction:half_space", tables_of("strike"), ("mesh", "model"),
-        listed=False,
+        listed=False, within="search",
     ),
     Stage("full-response", ".structure.response:full_response", tables_of(), ("model", "contact"),
         when=bent),

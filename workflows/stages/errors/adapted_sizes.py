@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import Mesh, MeshHex
 
-from beadwave import fem
+from beadwave import fem, rom
 from beadwave.fem.errors.optimal_sizes import (
     SINGULAR_ORDER,
     SMOOTH_ORDER,
@@ -36,6 +36,7 @@ from beadwave.workflows.stages.errors.mesh_causes import SMOOTH_ORDER as SCALE_O
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, error_places
 from beadwave.workflows.stages.structure import assembly as stages
 from beadwave.workflows.stages.structure import bodies
+from beadwave.workflows.stages.structure.krylov_space import krylov_space
 from beadwave.workflows.stages.structure.meshed_parts import (
     AdaptedSizes,
     ElementSizes,
@@ -72,7 +73,43 @@ class Indicators(NamedTuple):
     cause: Cause  # of the largest error
 
 
-def adapted_sizes(scene: Scene) -> AdaptedSizes:
+class Solved(NamedTuple):
+    """The structure on one mesh, as far as its errors need it."""
+
+    mesh: Parts
+    model: fem.Model
+    factor: fem.Factor | None  # of K; None of what floats
+    space: rom.Space | None
+    modes: AssemblyModes
+    contact: fem.ContactPatch | None  # None of what is not struck
+    field: fem.HalfSpaceField | None  # of a half-space at the contact, of what is held
+
+    @property
+    def by_stage(self) -> dict[str, Any]:
+        """The results that a run's stages have on this mesh."""
+        results = {
+            "mesh": self.mesh, "model": self.model, "factor": self.factor,
+            "krylov-space": self.space, "modes": self.modes,
+        }  # fmt: skip
+        if self.contact is not None and self.factor is not None:
+            results |= {"contact": self.contact, "half-space": self.field}
+        return results
+
+
+class Search(NamedTuple):
+    """Sizes for mesh.error, and results of a run's stages on the last mesh, by stage: none where an
+    earlier one was the best."""
+
+    adapted: AdaptedSizes
+    solved: dict[str, Any]
+
+
+def adapted_sizes(scene: Scene, search: Search) -> AdaptedSizes:
+    """The sizes alone, which are small enough to be kept."""
+    return search.adapted
+
+
+def search(scene: Scene) -> Search:
     """Sizes for the scene's mesh.error; raises InvalidScene for what cannot be meshed."""
     asked, bound = scene.mesh.error, scene.mesh.unknowns
     sizes = ElementSizes(scale=START) if scene.grids else ElementSizes(usual=START)
@@ -82,10 +119,11 @@ def adapted_sizes(scene: Scene) -> AdaptedSizes:
     bounded_by: str | None = None
     while True:
         began = perf_counter()
+        last = None  # the structure on the mesh before makes room
         mesh, sizes = _meshed(scene, sizes)
-        model = stages.model(scene, mesh)
-        found = indicators(scene, mesh, model, stages.modes(scene, model))
-        n = model.K.shape[0]
+        last = _solved(scene, mesh)
+        found = indicators(scene, last)
+        n = last.model.K.shape[0]
         elements = sum(body.nelements for body in mesh.meshes.values())
         solved.append(SolvedMesh(n, elements, found.stated, perf_counter() - began))
         tried.append((sizes, found))
@@ -108,12 +146,26 @@ def adapted_sizes(scene: Scene) -> AdaptedSizes:
             bounded_by = "unknowns"
 
     # the best of all: the last one, but where a bound or the mesher made it worse
-    sizes, found = min(tried, key=lambda one: one[1].stated)
+    best = min(range(len(tried)), key=lambda i: tried[i][1].stated)
+    sizes, found = tried[best]
     for_asked = needed and solved[-1].seconds * (needed / solved[-1].unknowns) ** TIME_ORDER
-    return AdaptedSizes(
+    adapted = AdaptedSizes(
         sizes, asked, found.stated, found.floor, bounded_by, needed if bounded_by else None,
         for_asked if bounded_by else None, found.cause.place, tuple(solved),
     )  # fmt: skip
+    return Search(adapted, last.by_stage if best == len(tried) - 1 else {})
+
+
+def _solved(scene: Scene, mesh: Parts) -> Solved:
+    """The structure on a mesh, solved as a run solves it."""
+    model = stages.model(scene, mesh)
+    factor = stages.factor(scene, model)
+    space = krylov_space(scene, mesh, model, factor)
+    modes = stages.modes(scene, model, space)
+    contact = mesh_error.contact_of_strike(scene, mesh, model)
+    struck = contact is not None and factor is not None
+    field = half_space_at(scene, model, contact) if struck else None
+    return Solved(mesh, model, factor, space, modes, contact, field)
 
 
 def _meshed(scene: Scene, sizes: ElementSizes) -> tuple[Parts, ElementSizes]:
@@ -139,20 +191,20 @@ def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | N
     return "meshes" if len(solved) == MOST_MESHES else None
 
 
-def indicators(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes) -> Indicators:
+def indicators(scene: Scene, solved: Solved) -> Indicators:
     """Errors of the frequencies and of the compliance that are bounded, over the elements."""
+    mesh, model, modes, contact = solved.mesh, solved.model, solved.modes, solved.contact
     goal = goals(scene, modes)
     omega, u, whole, pushed = modes.omega[goal], modes.phi[:, goal], None, None
     D, allowed = omega**2, omega**2 * ((1 - scene.mesh.error) ** -2 - 1)
-    contact = mesh_error.contact_of_strike(scene, mesh, model)
-    if contact is not None and (factor := stages.factor(scene, model)) is not None:
+    if contact is not None and solved.factor is not None:
         # the static response: K u = w
-        static = factor.solve(contact.w)
+        static = solved.factor.solve(contact.w)
         whole = float(contact.w @ static)
         u, D = np.column_stack([u, static]), np.append(D, 0.0)
         allowed = np.append(allowed, scene.mesh.error * whole)
-        if (field := half_space_at(scene, model, contact)) is not None:
-            pushed = fem.Pushed(np.append(np.zeros(len(goal)), 1.0)[:, None], field)
+        if solved.field is not None:
+            pushed = fem.Pushed(np.append(np.zeros(len(goal)), 1.0)[:, None], solved.field)
     energy = mesh_error.energy_in(scene, mesh, model, u, np.diag(D), pushed)
 
     def relative(G: NDArray[np.float64]) -> NDArray[np.float64]:
