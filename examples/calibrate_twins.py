@@ -5,7 +5,7 @@ and two levels of noise, how many of all contacts lie within their bar of two de
 
     share = number of |found - true| <= bar over all contacts,   wanted: 0.95,
 
-the two deviations of that share by chance, sqrt(0.95 0.05 / n), and the same of the contacts that
+the two deviations of that share by chance, 2 sqrt(0.95 0.05 / n), and the same of the contacts that
 are called identifiable. Contacts of one chain are found together, so that n counts chains.
 
 Chains: bare spheres, the same on leaf springs and pressed, and one of steel and aluminium.
@@ -53,7 +53,7 @@ def main(n_seeds: int = 20, first: int = 0, only: str = "") -> None:
 
 def row(name: str, changes: dict, noise: float, seeds: range) -> None:
     """A line of the table."""
-    began, within, called = time.perf_counter(), [], []
+    began, within, called, chains = time.perf_counter(), [], [], []
     for seed in seeds:
         with redirect_stdout(None), TemporaryDirectory() as folder:
             file = Path(folder, "twin.csv")
@@ -62,12 +62,13 @@ def row(name: str, changes: dict, noise: float, seeds: range) -> None:
         # without a bar the data say nothing of a contact
         within += [abs(p.found - true[p.name]) <= (p.two_sigma or np.inf) for p in contacts]
         called += [p.identifiable == "yes" for p in contacts]
-    within, called = np.array(within), np.array(called)
-    chance = 2.0 * sqrt(0.95 * 0.05 / len(seeds))
-    cells = [
-        f"{part.sum():4d}/{part.size:<4d}{part.mean() if part.size else np.nan:5.2f} ±{chance:.2f}"
-        for part in (within, within[called])
-    ]
+        chains += [seed] * len(contacts)
+    within, called, chains = map(np.array, (within, called, chains))
+    cells = []
+    for part in (np.ones(within.shape, bool), called):
+        n, chance = part.sum(), 2.0 * sqrt(0.95 * 0.05 / max(len(set(chains[part])), 1))
+        share = within[part].mean() if n else np.nan
+        cells.append(f"{within[part].sum():4d}/{n:<4d}{share:5.2f} ±{chance:.2f}")
     seconds = time.perf_counter() - began
     print(f"{name:14} {noise:6.0e} {len(seeds):5d}  {cells[0]:>20}  {cells[1]:>20}  {seconds:7.0f}",
           flush=True)  # fmt: skip
