@@ -44,6 +44,8 @@ class PreloadedContact(NamedTuple):
     hard: NDArray[np.float64]  # (m,) [Pa/m] stiffness of the layers by which faces are kept apart
     rough: NDArray[np.float64]  # (m,) [m/Pa] compliance of rough faces, lambda / p
     bolts: NDArray[np.float64]  # (m,) [Pa/m] by which bolts resist the sliding of a facet
+    friction: NDArray[np.float64]  # (m,)
+    shear: NDArray[np.float64]  # (2, m) [N] that STUCK facets carry, against their opening
     n_steps: int
 
     @property
@@ -135,8 +137,10 @@ def preloaded_contact(
     P = np.where(closed, -kA * (g_0 + d), 0.0)
     u = contact.factor.solve(F + contact.C[:m].T @ (P + kA * d))
     state = np.where(closed, STUCK, OPEN)
-    hard, smooth = contact.stiffness, np.zeros(m)
-    return PreloadedContact(facets, P / facets.area, g_0 + d, state, u, hard, smooth, smooth, step)
+    hard, zero = contact.stiffness, np.zeros(m)
+    return PreloadedContact(
+        facets, P / facets.area, g_0 + d, state, u, hard, zero, zero, zero, np.zeros((2, m)), step
+    )
 
 
 def joined_stiffness(C: csr_matrix, contact: PreloadedContact) -> csr_matrix:
@@ -162,17 +166,17 @@ def with_friction(
     `joined` factorises K with the stiffness of a state.
     """
     m, k = len(contact.facets.area), MINDLIN * contact.stiffness
-    slides = (friction == 0) & (state.state == STUCK)
+    slides, stress = (friction == 0) & (state.state == STUCK), np.zeros((2, m))
     for _ in range(MAX_STEPS):
         state = state._replace(state=np.where(slides, SLIDING, state.state))
         if not (state.state == STUCK).any():
             break
-        u = joined(state).solve(F)
-        shear = k * np.hypot(contact.C[m : 2 * m] @ u, contact.C[2 * m :] @ u)
-        slides = (state.state == STUCK) & (shear > friction * state.pressure)
+        stress = -k * (contact.C[m:] @ joined(state).solve(F)).reshape(2, m)
+        slides = (state.state == STUCK) & (np.hypot(*stress) > friction * state.pressure)
         if not slides.any():
             break
-    return state
+    shear = np.where(state.state == STUCK, stress, 0.0) * contact.facets.area
+    return state._replace(friction=friction, shear=shear)
 
 
 def rim(contact: PreloadedContact) -> NDArray[np.bool_]:

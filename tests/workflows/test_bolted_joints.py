@@ -235,6 +235,45 @@ def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp
         assert abs(one["frequency_hz"] - other["frequency_hz"]) < 2 * spread
 
 
+@pytest.mark.slow
+def test_modes_over_amplitude_soften_and_lose_more(table, capsys, tmp_path):
+    """Faces that slip soften a mode and take energy; at small amplitudes it is the linear one."""
+    contact = ("--set", "joints.lap.model=contact", "--amplitude", "--json")
+    assert beadwave("modes", str(table), *contact, "--out", str(tmp_path / "out")) == 0
+    answer = json.loads(capsys.readouterr().out)
+    modes = {row["number"]: row for row in answer["rows"]}
+    assert {row["mode"] for row in answer["amplitude"]} <= {7, 8, 9, 10, 11, 12}
+    for number in {row["mode"] for row in answer["amplitude"]}:
+        rows = [row for row in answer["amplitude"] if row["mode"] == number]
+        hz, loss, x = (
+            np.array([row[key] for row in rows])
+            for key in ("frequency_hz", "loss_factor", "displacement_m")
+        )
+        assert np.all(np.diff(x) > 0) and np.all(hz <= hz[0] * (1 + 1e-6))
+        assert hz[0] == pytest.approx(modes[number]["frequency_hz"], rel=1e-3)
+        assert loss[-1] > loss[0] and np.all(loss > -1e-9)
+        assert rows[-1]["slip_share"] > rows[0]["slip_share"]
+        assert all(0 <= row["error"] < 0.2 for row in rows if row["loss_factor"] > 1e-4)
+    with np.load(tmp_path / "out" / "contact.npz") as arrays:
+        assert arrays["slip_displacement"].shape == (6, len(arrays["area"]))
+    assert {"amplitude.png", "slip.png"} <= {
+        f.name for f in (tmp_path / "out" / "figures").iterdir()
+    }
+
+
+@pytest.mark.parametrize(
+    ("scene", "sentence"),
+    [
+        ("bolted-plates", "--set joints.lap.model=contact"),
+        ("plate-on-bolts", "[[joints]] need a bolt"),
+        ("hexagonal", "has none"),
+    ],
+)
+def test_amplitudes_need_faces_in_contact(scene, sentence, capsys):
+    assert beadwave("modes", scene, "--amplitude") == 2
+    assert sentence in " ".join(capsys.readouterr().err.split())
+
+
 def test_faces_in_contact_have_no_springs_to_tune(table, capsys):
     contact = ("--set", "joints.lap.model=contact")
     assert beadwave("tune", str(table), *contact, "--match", "1=9000", "--free", "lap.kz") == 2

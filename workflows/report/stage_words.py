@@ -9,6 +9,7 @@ WORDS = {
     "mac": "comparison of modes",
     "contact": "contact patch",
     "joint-bounds": "limits of bolted joints",
+    "backbones": "loops of friction",
     "reduction": "reduction to the contact",
     "second-mesh": "second mesh",
     "missed-energy": "errors of frequencies",

@@ -188,6 +188,7 @@ def modes(
     scene: Source = None,
     changes: Changes = (),
     *,
+    amplitude: bool = False,
     out: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress = quiet,
@@ -195,18 +196,29 @@ def modes(
     """Frequencies, measured ones, MAC, participation at the contact (`beadwave modes`); of a
     pressed crystal its modes, and bands and dispersion of its lattice.
 
+    amplitude  frequency and loss factor of the six lowest elastic modes over their amplitude, of
+               faces in contact under preload
     out  folder for the picture of the MAC matrix, of a crystal for its dispersion, and of faces in
          contact under preload their zone and pressure, with contact.npz
 
-    Raises InvalidScene for bad input, a scene without an assembly and a crystal that nothing
-    presses, ValueError where a computation fails.
+    Raises InvalidScene for bad input, a scene without an assembly, a crystal that nothing presses
+    and amplitudes without faces in contact, ValueError where a computation fails.
     """
     chosen = load_scene(scene, changes)
+    bolted = [name for name, joint in chosen.bushings.items() if joint.bolt]
+    if amplitude and not any(chosen.bushings[name].model == "contact" for name in bolted):
+        remedy = f"--set joints.{bolted[0]}.model=contact" if bolted else "[[joints]] need a bolt"
+        raise InvalidScene(
+            f"--amplitude is of faces in contact under preload, {chosen.name} has none; {remedy}."
+        )
     if chosen.crystal:
         return _modes_of_crystal(chosen, scene, out, overwrite, progress)
     chosen = with_structure(chosen)
     in_contact = any(joint.model == "contact" for joint in chosen.bushings.values())
-    pictures = {"mac": bool(chosen.measured_hz), "contact": in_contact}
+    pictures = {
+        "mac": bool(chosen.measured_hz), "contact": in_contact, "amplitude": amplitude,
+        "slip": amplitude,
+    }  # fmt: skip
     names = [name for name, drawn in pictures.items() if drawn]
     if out is not None and not names:
         with_mac(chosen)
@@ -215,15 +227,21 @@ def modes(
     from beadwave.workflows.structure.mode_table import mode_table
 
     pipeline = pipeline_of(chosen, progress)
-    result = ModesOfScene(chosen, mode_table(pipeline), pipeline)
+    result = ModesOfScene(chosen, mode_table(pipeline, amplitude=amplitude), pipeline)
     if folder and "mac" in names:
         write_pictures(folder, (result.plot(),))
     if folder and in_contact:
+        from beadwave.workflows.structure import amplitude_table
         from beadwave.workflows.structure.contact_table import contact_arrays, contact_picture
 
-        contact = pipeline("model").contact
+        contact, slip = pipeline("model").contact, {}
         write_pictures(folder, (contact_picture(contact),))
-        folder.write("contact.npz", contact_arrays(contact))
+        if amplitude:
+            of_mode = pipeline("backbones").of_mode
+            slip["slip_displacement"] = amplitude_table.slip_displacements(of_mode)
+            curves = amplitude_table.amplitude_picture(result.table.amplitude or ())
+            write_pictures(folder, (curves, amplitude_table.slip_picture(contact, of_mode)))
+        folder.write("contact.npz", contact_arrays(contact, **slip))
     return result
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from beadwave.fem.contact.preloaded_contact import (
@@ -94,9 +95,9 @@ def contacts_text(rows: Sequence[ContactRow]) -> str:
     return f"{aligned_text(head, cells)}\n{READING}"
 
 
-def contact_arrays(contact: PreloadedContact) -> bytes:
+def contact_arrays(contact: PreloadedContact, **more: NDArray[np.float64]) -> bytes:
     """contact.npz: points (n, 3) [m], area (n,) [m^2], pressure (n,) [Pa], gap (n,) [m], state (n,)
-    0 open, 1 closed and sliding, 2 closed and stuck."""
+    0 open, 1 closed and sliding, 2 closed and stuck, and more arrays by their names."""
     return npz(
         {
             "points": contact.facets.points,
@@ -104,6 +105,7 @@ def contact_arrays(contact: PreloadedContact) -> bytes:
             "pressure": contact.pressure,
             "gap": contact.gap,
             "state": contact.state,
+            **more,
         }
     )
 

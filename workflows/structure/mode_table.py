@@ -14,6 +14,12 @@ from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
 from beadwave.workflows.stages.engine.stage_table import asks_mesh_error
 from beadwave.workflows.stages.structure.health import mesh_numbers, shape_names
+from beadwave.workflows.structure.amplitude_table import (
+    AmplitudeRow,
+    amplitude_rows,
+    amplitudes_text,
+    slip_sentences,
+)
 from beadwave.workflows.structure.contact_table import ContactRow, contact_rows, contacts_text
 from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 
@@ -64,6 +70,7 @@ class ModeTable(BaseModel):
     load_factor: float | None = None  # static load over that which buckles the structure
     joints: list[JointRow] = []  # those that are known from their drawing
     contact: list[ContactRow] = []  # faces that bolts press, of model = "contact"
+    amplitude: list[AmplitudeRow] | None = None  # of --amplitude
     mesh: MeshNumbers | None = None  # of mesh.error
     warnings: list[str] = []
 
@@ -111,12 +118,15 @@ class ModeTable(BaseModel):
             whys.append(f"Mode {worst.number}: {worst.why}{there_too}")
         joints = f"{READING_BOUNDS}\n\n{joints_text(self.joints)}\n" if self.joints else ""
         contact = f"{contacts_text(self.contact)}\n" if self.contact else ""
-        sentences = filter(None, (shapes, legend, joints, contact, load, *self.warnings, *whys))
+        amplitude = f"{amplitudes_text(self.amplitude)}\n" if self.amplitude else ""
+        tables = (joints, contact, amplitude)
+        sentences = filter(None, (shapes, legend, *tables, load, *self.warnings, *whys))
         return "\n".join([table, "", *sentences])
 
 
-def mode_table(pipeline: Pipeline) -> ModeTable:
-    """Computed modes, each with the measured one that it is paired with.
+def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
+    """Computed modes, each with the measured one that it is paired with, and with `amplitude` what
+    faces in contact do to frequency and loss.
 
     Errors of frequencies are those of the mesh of bodies, of mesh and theory of a beam or a plate,
     and besides of the fits of measured parts.
@@ -162,7 +172,11 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
                 if omega > RIGID * modes.omega.max():
                     setattr(row, key, hz)
         contact = contact_rows(pipeline("model").contact, pipeline("mesh").bolted)
-    sentences = list(warnings.overconstrained(modes.overconstrained))
+    sentences, at_amplitudes = list(warnings.overconstrained(modes.overconstrained)), None
+    if amplitude:
+        of_mode = pipeline("backbones").of_mode
+        at_amplitudes = amplitude_rows(of_mode)
+        sentences += slip_sentences(of_mode)
     sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
@@ -197,6 +211,7 @@ def mode_table(pipeline: Pipeline) -> ModeTable:
         load_factor=modes.load_factor,
         joints=joints,
         contact=contact,
+        amplitude=at_amplitudes,
         warnings=sentences,
     )
 

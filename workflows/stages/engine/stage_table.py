@@ -278,6 +278,10 @@ STAGES = (
         "joint-bounds", ".structure.joint_bounds:joint_bounds", tables_of(),
         ("mesh", "model", "modes"), when=has_bolts,
     ),
+    Stage(
+        "backbones", ".structure.backbones:backbones", tables_of(), ("mesh", "model", "modes"),
+        when=has_bolts,
+    ),
     Stage("mac", ".structure.bending:mac", tables_of(), ("modes",), when=bent, listed=False),
     Stage(
         "mac", ".structure.rigid_joint_mac:mac", tables_of(), ("mesh", "model", "modes"),

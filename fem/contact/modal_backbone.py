@@ -1,0 +1,395 @@
+"""Frequency and loss of a mode over its amplitude, by slip and opening of preloaded faces.
+
+The inertia forces of a mode, M phi alpha, load the preloaded assembly quasi-statically up and back:
+H. Festjens, G. Chevallier, J.-L. Dion, Int. J. Mech. Sci. 75 (2013) 170; R. M. Lacayo, M. S. Allen,
+Mech. Syst. Signal Process. 118 (2019) 133. Modal force alpha over modal displacement q = phi^T M u
+is a loop. What the faces do differently from the linear model K are forces s on their openings d,
+
+    d = alpha d_1 + W s(d),    W = C K^-1 C^T,  d_1 = C K^-1 M phi,  q = alpha / omega^2 + d_1 . s,
+
+with s = 0 where a facet neither opens nor slips: a small system on the facets that do. A closed
+facet has P = max(0, P_0 - k_n d_n) along the normal; across it sticks with the stiffness k_f up to
+|T| = mu P, in parallel with the bolts that resist what slides (Coulomb, returned radially).
+
+The frequency is that of the free motion q'' + alpha(q) = 0 on the loop, from one peak to the other
+and back: two half periods, each from its peak at rest to where the motion comes to rest. A loop
+loses D, and zeta = D / (4 pi U_max) with U_max on the mean of its two branches; the loss factor is
+2 zeta.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from beadwave.fem.assembly.model import Model
+from beadwave.fem.contact.preloaded_contact import MINDLIN, OPEN, STUCK, PreloadedContact
+from beadwave.fem.modes.modes import held
+from beadwave.fem.modes.solver.factorisation import factorised
+
+MAX_STEPS = 40  # of Newton's method in a load step, which took 2 to 8
+CONVERGED = 1e-9  # of the forces, over the largest
+BROUGHT_BACK = 1 / 300  # b of `_equilibrium`: layers are 300 times stiffer than elements
+HALVINGS = 6  # of a load step that does not converge
+N_STEPS = 16  # load steps of a branch
+CLOSED = 1e-3  # difference of a loop's ends over its width, up to which it is closed
+MAX_LOOPS = 4  # at one load; the first ones wear off what the preload left
+NEGLIGIBLE_LOSS = 1e-6  # of a smaller loss factor the error is that of this one
+N_AMPLITUDES, LOWEST = 20, 1e-2  # loads, and the least over that which whole bolts would slip at
+# [rad^2/s^2] of a structure that floats, as in `pressed_model`
+SHIFT = (2 * np.pi) ** 2
+
+
+class NoEquilibrium(ValueError):
+    """The faces cannot carry the load: nothing else holds what they let go."""
+
+
+class FrictionInterface(NamedTuple):
+    """m facets of preloaded faces, s of which stick; rows are the normals of all, then the first
+    and the second tangent of those that stick."""
+
+    W: NDArray[np.float64]  # (m + 2 s, m + 2 s) [m/N] compliance of the linear model
+    stuck: NDArray[np.int64]  # (s,) facets
+    closed: NDArray[np.bool_]  # (m,) in the linear model
+    normal: NDArray[np.float64]  # (m,) [N/m] k_n
+    force: NDArray[np.float64]  # (m,) [N] P_0 of the preload
+    gap: NDArray[np.float64]  # (m,) [m] of open facets
+    across: NDArray[np.float64]  # (s,) [N/m] k_f of friction
+    shear: NDArray[np.float64]  # (2, s) [N] T_0 under the preload
+    friction: NDArray[np.float64]  # (s,) mu
+
+    @property
+    def m(self) -> int:
+        """Number of facets."""
+        return len(self.closed)
+
+    @property
+    def layers(self) -> NDArray[np.float64]:
+        """Stiffness (m + 2 s,) [N/m] of each row's layer."""
+        return np.concatenate([self.normal, self.across, self.across])
+
+
+class Loaded(NamedTuple):
+    """An interface under a load of fixed shape, alpha [N] times a vector."""
+
+    interface: FrictionInterface
+    openings: NDArray[np.float64]  # (m + 2 s,) [m/N] d_1
+    compliance: float  # [m/N] of the load in its own direction, 1 / omega^2 of a mode
+
+    def displacement(self, alpha: float, s: NDArray[np.float64]) -> float:
+        """q of a load and of the forces s (m + 2 s,) beyond the linear model."""
+        return alpha * self.compliance + float(self.openings @ s)
+
+
+class SlipState(NamedTuple):
+    """What the facets have done under a load."""
+
+    alpha: float
+    s: NDArray[np.float64]  # (m + 2 s,) [N] beyond the linear model
+    slips: NDArray[np.bool_]  # (s,) in this step
+
+
+class Loop(NamedTuple):
+    """A closed loop: alpha and q along the branch down from its positive peak, and up again."""
+
+    alpha: NDArray[np.float64]  # (2, n) modal force
+    q: NDArray[np.float64]  # (2, n) modal displacement
+    slipped: NDArray[np.bool_]  # (s,) facets that slipped in it
+
+    @property
+    def amplitude(self) -> float:
+        """Half of its width in q."""
+        return float(self.q[0, 0] - self.q[0, -1]) / 2
+
+    @property
+    def dissipated(self) -> float:
+        """D, the area [J]."""
+        return float(sum(np.trapezoid(*branch) for branch in zip(self.alpha, self.q, strict=True)))
+
+    @property
+    def damping_ratio(self) -> float:
+        """zeta = D / (4 pi U_max), U_max from the middle to a peak on the mean of both branches."""
+        q = np.union1d(*self.q)
+        up, down = np.interp(q, *self._rising(1)), np.interp(q, *self._rising(0))
+        mean = (up + down) / 2
+        stored = np.trapezoid(np.abs(mean - np.interp(0.0, mean, mean)), q) / 2
+        return max(self.dissipated, 0.0) / (4 * np.pi * stored)
+
+    @property
+    def frequency(self) -> float:
+        """[Hz] of the free motion on it, two half periods from peaks at rest."""
+        return 1.0 / sum(half_period(q, alpha) for q, alpha in zip(self.q, self.alpha, strict=True))
+
+    def _rising(self, branch: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """q and alpha of a branch, by rising q."""
+        order = np.argsort(self.q[branch], kind="stable")
+        return self.q[branch][order], self.alpha[branch][order]
+
+
+def half_period(q: NDArray[np.float64], alpha: NDArray[np.float64]) -> float:
+    """[s] from rest at the first of the points (n,) of a branch until the motion q'' = -alpha(q)
+    comes to rest again; alpha is linear between the points, and past the last as before it."""
+    sign = 1.0 if q[-1] > q[0] else -1.0
+    x, force = sign * (q - q[0]), -sign * alpha
+    # in each piece x'' = force + slope (x - x_i), slope = -omega^2
+    time, square = 0.0, 0.0
+    for i in range(len(x) - 1):
+        width = x[i + 1] - x[i]
+        if width <= 0:
+            continue
+        omega = np.sqrt(max((force[i] - force[i + 1]) / width, 1e-300))
+        after = square + (force[i] + force[i + 1]) * width
+        last = i == len(x) - 2
+        # phase of the oscillation about the point where the force would vanish
+        begin = np.arctan2(np.sqrt(square) * omega, force[i])
+        if after > 0 and not last:
+            end = np.arctan2(np.sqrt(after) * omega, force[i + 1])
+            time, square = time + (end - begin) / omega, after
+        else:
+            return time + (np.pi - begin) / omega
+    raise ValueError("a branch has at least two points.")
+
+
+def loops(loaded: Loaded, alphas: Sequence[float], n_steps: int = N_STEPS) -> Iterator[Loop]:
+    """A closed loop for each of the rising loads, each begun where the one before it ended; raises
+    NoEquilibrium for a load that the faces cannot carry."""
+    interface = loaded.interface
+    state = SlipState(0.0, np.zeros(len(interface.W)), np.zeros(len(interface.stuck), bool))
+    for peak in alphas:
+        state = loaded_to(loaded, state, peak, n_steps)
+        for _ in range(MAX_LOOPS):
+            branches, slipped = [], np.zeros(len(interface.stuck), bool)
+            for end in (-peak, peak):
+                points = [(state.alpha, loaded.displacement(state.alpha, state.s))]
+                for alpha in np.linspace(state.alpha, end, n_steps + 1)[1:]:
+                    state = loaded_to(loaded, state, alpha)
+                    slipped |= state.slips
+                    points.append((alpha, loaded.displacement(alpha, state.s)))
+                branches.append(np.array(points))
+            alpha, q = np.moveaxis(np.array(branches), 2, 0)
+            if abs(q[1, -1] - q[0, 0]) <= CLOSED * abs(q[0, 0] - q[0, -1]):
+                break
+        yield Loop(alpha, q, slipped)
+
+
+def loaded_to(loaded: Loaded, state: SlipState, alpha: float, n_steps: int = 1) -> SlipState:
+    """The state under another load, in equal steps, each halved where it does not converge; raises
+    NoEquilibrium."""
+    for target in np.linspace(state.alpha, alpha, n_steps + 1)[1:]:
+        steps = [(target, 0)]
+        while steps:
+            goal, halvings = steps[-1]
+            found = _equilibrium(loaded, state, goal)
+            if found is not None:
+                state = found
+                steps.pop()
+            elif halvings == HALVINGS:
+                raise NoEquilibrium("the faces slip as a whole, and nothing else carries the load.")
+            else:
+                steps[-1] = (goal, halvings + 1)
+                steps.append(((state.alpha + goal) / 2, halvings + 1))
+    return state
+
+
+class Unmet(NamedTuple):
+    """What an iterate does not meet, and which facets change."""
+
+    F: NDArray[np.float64]  # (m + 2 s,) [N] 0 at the solution
+    opens: NDArray[np.bool_]  # (m,) closed facets of the linear model
+    closes: NDArray[np.bool_]  # (m,) open ones
+    slips: NDArray[np.bool_]  # (s,)
+    n: NDArray[np.float64]  # (2, s) direction of friction where a facet slips
+    share: NDArray[np.float64]  # (s,) mu P over the length that is brought back to it
+
+
+def _equilibrium(loaded: Loaded, before: SlipState, alpha: float) -> SlipState | None:
+    """The state after a load step; None where the semi-smooth Newton method does not converge.
+
+    With d = alpha d_1 + W s the forces are T = T_0 + s_t - k d_t and P = P_0 + s_n - k d_n, so that
+    s_t less that of the step before is k times the slip, s_n of a closed facet k times its opening:
+
+        T = T - b (s_t - s_before), brought back to mu P;    P = max(0, P - b s_n)
+
+    for any b > 0 (P. Alart, A. Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353). With b = 1
+    Newton's method diverged beyond some slip: layers are far stiffer than bodies. Facets that are
+    open in the linear model have P = s_n, and h = k (d_n + gap) + s_n in place of s_n.
+    """
+    interface, linear = loaded.interface, alpha * loaded.openings
+    largest = np.abs(interface.force).max(initial=0.0)
+    scale = max(np.abs(interface.layers * linear).max(initial=0.0), largest)
+    s = before.s
+    for _ in range(MAX_STEPS):
+        changed = np.flatnonzero(s)
+        d = linear + s[changed] @ interface.W[changed]  # rows of W are its columns
+        unmet = _unmet(interface, before.s, s, d)
+        if np.abs(unmet.F).max(initial=0.0) <= CONVERGED * scale:
+            return SlipState(alpha, s, unmet.slips)
+        try:
+            s = s + _newton_step(interface, unmet)
+        except np.linalg.LinAlgError:  # nothing holds what the faces let go
+            return None
+        if not np.all(np.isfinite(s)):
+            return None
+    return None
+
+
+def _unmet(interface: FrictionInterface, s_before: NDArray, s: NDArray, d: NDArray) -> Unmet:
+    """What forces s (m + 2 s,) at openings d (m + 2 s,) do not meet, by `_equilibrium`."""
+    m, k = interface.m, interface.layers
+    springs = s - k * d
+    apart = k[:m] * (d[:m] + interface.gap) + s[:m]
+    P = np.where(interface.closed, interface.force + springs[:m], s[:m])
+    T = interface.shear + springs[m:].reshape(2, -1)
+
+    kept = np.where(interface.closed, s[:m], apart)  # 0 of closed facets, above 0 of open ones
+    pressed = P - BROUGHT_BACK * kept > 0
+    opens, closes = interface.closed & ~pressed, ~interface.closed & pressed
+
+    trial = T - BROUGHT_BACK * (s - s_before)[m:].reshape(2, -1)
+    limit = interface.friction * np.maximum(P[interface.stuck], 0.0)
+    length = np.hypot(*trial)
+    slips = length > limit
+    n = trial / np.where(slips, length, 1.0)
+
+    F = s - s_before
+    F[:m] = np.where(opens, P, np.where(closes, apart, s[:m]))
+    F[m:] = np.where(slips, T - limit * n, F[m:].reshape(2, -1)).ravel()
+    return Unmet(F, opens, closes, slips, n, np.where(slips, limit / np.where(slips, length, 1), 0))
+
+
+def _newton_step(interface: FrictionInterface, unmet: Unmet) -> NDArray[np.float64]:
+    """The change (m + 2 s,) of s: -F where a facet neither opens, closes nor slips, and what solves
+    the linearised equations of those that do."""
+    W, m, k = interface.W, interface.m, interface.layers
+    moved, at = np.flatnonzero(unmet.opens | unmet.closes), np.flatnonzero(unmet.slips)
+    tangents = [m + at, m + len(interface.stuck) + at]
+    active = np.concatenate([moved, *tangents])
+    step = -unmet.F
+    step[active] = 0.0
+    if not len(active):
+        return step
+
+    # change of s - k d and of s + k d by the active s, and by the steps that are known
+    known = np.flatnonzero(step)
+    by_known = step[known] @ W[known]
+
+    def changes(rows: NDArray[np.int64], sign: NDArray | float = -1.0) -> tuple[NDArray, NDArray]:
+        factor = sign * k[rows]
+        own = (rows[:, None] == active) + factor[:, None] * W[rows][:, active]
+        return own, step[rows] + factor * by_known[rows]
+
+    # P of those that open, h of those that close; friction less mu P n of those that slip
+    J, known_changes = changes(moved, np.where(unmet.opens[moved], -1.0, 1.0))
+    blocks, known_blocks = [J], [known_changes]
+    of_P, known_P = changes(interface.stuck[at])
+    of_T = [changes(rows) for rows in tangents]
+    n, share, mu = unmet.n[:, at], unmet.share[at], interface.friction[at]
+    for i in range(2):
+        block, known_block = -(mu * n[i])[:, None] * of_P, -mu * n[i] * known_P
+        for j, rows in enumerate(tangents):
+            turns = share * (float(i == j) - n[i] * n[j])
+            block = block + (float(i == j) - turns)[:, None] * of_T[j][0]
+            block += (BROUGHT_BACK * turns)[:, None] * (rows[:, None] == active)
+            known_block = known_block + (float(i == j) - turns) * of_T[j][1]
+        blocks.append(block)
+        known_blocks.append(known_block)
+    step[active] = np.linalg.solve(
+        np.vstack(blocks), -unmet.F[active] - np.concatenate(known_blocks)
+    )
+    return step
+
+
+class ModalBackbone(NamedTuple):
+    """Frequency and loss of a mode at k amplitudes that rise."""
+
+    displacement: NDArray[np.float64]  # (k,) [m] of the point that moves most
+    frequency: NDArray[np.float64]  # (k,) [Hz]
+    loss_factor: NDArray[np.float64]  # (k,)
+    dissipated: NDArray[np.float64]  # (k,) [J] in a cycle
+    slip_share: NDArray[np.float64]  # (k,) area that slips over the closed one
+    # (k,) relative, of frequency or loss factor, by half as many load steps: the larger one
+    error: NDArray[np.float64]
+    first_slip: NDArray[np.float64]  # (m,) [m] displacement from which on a facet slips; nan: never
+    slips_whole: bool  # the faces carry no more than the last amplitude
+
+
+def friction_interface(model: Model, at_once: int = 64) -> tuple[FrictionInterface, csr_matrix]:
+    """The faces of a model about its preloaded state, condensed on it, and the openings
+    (m + 2 s, n) of the free dofs that its rows are."""
+    contact: PreloadedContact = model.contact
+    area, m = contact.facets.area, len(contact.pressure)
+    stuck = np.flatnonzero(contact.state == STUCK)
+    C = csr_matrix(contact.facets.C @ model.T)
+    C = csr_matrix(vstack([C[:m], C[m + stuck], C[2 * m + stuck]]))
+
+    factor = held(model.K, model.M) or factorised((model.K + SHIFT * model.M).tocsc())
+    W = np.empty((C.shape[0],) * 2)
+    for first in range(0, len(W), at_once):
+        block = slice(first, first + at_once)
+        W[:, block] = C @ factor.solve(C[block].T.toarray())
+    k = area / (1 / contact.hard + contact.rough)
+    interface = FrictionInterface(
+        W=(W + W.T) / 2,
+        stuck=stuck,
+        closed=contact.state != OPEN,
+        normal=k,
+        force=contact.pressure * area,
+        gap=np.where(contact.state == OPEN, contact.gap, 0.0),
+        across=(MINDLIN * k - contact.bolts * area)[stuck],
+        shear=contact.shear[:, stuck],
+        friction=contact.friction[stuck],
+    )
+    return interface, C
+
+
+def whole_slip(loaded: Loaded, groups: NDArray[np.int64]) -> float:
+    """Load at which a group of facets, groups (m,), would slip as a whole: their shear in the
+    linear model, summed by size, is friction times pressure. inf without shear."""
+    interface = loaded.interface
+    stuck, m = interface.stuck, interface.m
+    of_stuck = groups[stuck]
+    limit = np.bincount(of_stuck, interface.friction * interface.force[stuck])
+    shear = np.bincount(of_stuck, interface.across * np.hypot(*loaded.openings[m:].reshape(2, -1)))
+    moved = shear > 1e-12 * shear.max(initial=0.0)
+    return float(np.min(limit[moved] / shear[moved], initial=np.inf))
+
+
+def modal_backbone(
+    loaded: Loaded, area: NDArray[np.float64], groups: NDArray[np.int64], largest: float
+) -> ModalBackbone:
+    """The backbone of a mode up to the load at which the first group of facets, groups (m,) with
+    areas (m,) [m^2], would slip as a whole. `largest` [kg^-1/2] is the displacement of the point
+    that moves most in the mass-normalised mode."""
+    interface = loaded.interface
+    end = whole_slip(loaded, groups)
+    alphas = np.geomspace(LOWEST, 1.0, N_AMPLITUDES) * end if np.isfinite(end) else []
+    fine, coarse, slips_whole = [], [], False
+    try:
+        pairs = zip(loops(loaded, alphas), loops(loaded, alphas, N_STEPS // 2), strict=True)
+        for loop, other in pairs:
+            fine.append(loop)
+            coarse.append(other)
+    except NoEquilibrium:
+        slips_whole = True
+
+    numbers = [
+        np.array([(loop.frequency, 2 * loop.damping_ratio) for loop in some]).reshape(-1, 2)
+        for some in (fine, coarse)
+    ]
+    error = np.abs(numbers[1] - numbers[0]) / np.maximum(numbers[0], NEGLIGIBLE_LOSS)
+    closed = area[interface.closed].sum()
+    displacement = np.array([largest * loop.amplitude for loop in fine])
+    first_slip = np.full(interface.m, np.nan)
+    for loop, at in zip(fine[::-1], displacement[::-1], strict=True):
+        first_slip[interface.stuck[loop.slipped]] = at
+    return ModalBackbone(
+        displacement,
+        *numbers[0].T,
+        np.array([loop.dissipated for loop in fine]),
+        np.array([area[interface.stuck[loop.slipped]].sum() / closed for loop in fine]),
+        error.max(axis=1),
+        first_slip,
+        slips_whole,
+    )
