@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from beadwave.coupling.reduced_spatial_wall import modes_and_oscillators
 from beadwave.coupling.reduced_wall import moving_mask, moving_modes, with_oscillator
 from beadwave.rom import ModalWall, ReducedModel, modal
 
@@ -22,15 +23,21 @@ class SurfaceModes(NamedTuple):
 def wall_modes(
     reduced: ReducedModel, omega: np.ndarray, phi: np.ndarray, *, cutoff_hz: float | None = None
 ) -> SurfaceModes:
-    """Shapes of the wall's modes, which are known by their omega [rad/s] and phi [kg^-1/2] (k,);
-    `cutoff_hz` is that with which the wall was made of the model. A shape is that of the nearest
-    mode: where the wall was made of another model it is not that of the wall."""
+    """Shapes of the wall's modes, which are known by their omega [rad/s] and phi [kg^-1/2] (k,), of
+    several chains (p, k); `cutoff_hz` is that with which the wall was made of the model. A shape is
+    that of the nearest mode: where the wall was made of another model it is not that of the
+    wall."""
     weights = reduced.contact.weights_read
     if weights is not None and cutoff_hz is None:
         cutoff_hz = np.inf
     modes = modal(reduced)
     mask = moving_mask(modes, reduced, cutoff_hz)
-    moving = with_oscillator(modes, mask) if weights is None else moving_modes(modes, mask)
+    if np.ndim(phi) == 2:  # oscillators for the rest at all contacts
+        columns = np.column_stack([reduced.w, reduced.columns.load])
+        moving = modes_and_oscillators(reduced, columns, cutoff_hz)
+        moving, phi = moving._replace(phi=moving.phi[:, 0]), phi[0]
+    else:
+        moving = with_oscillator(modes, mask) if weights is None else moving_modes(modes, mask)
     at_contact = moving.phi if weights is None else weights @ moving.vectors
     # the nearest in frequency, and of equal ones that of the participation
     distance = np.abs(moving.omega[:, None] - omega) / (omega + 1e-9 * omega.max(initial=1.0))
@@ -68,7 +75,7 @@ class SurfaceMotion(NamedTuple):
     """The wall's modes in a run, at n instants."""
 
     omega: np.ndarray  # (k,) [rad/s]
-    phi: np.ndarray  # (k,) [kg^-1/2]
+    phi: np.ndarray  # (k,) [kg^-1/2], of several chains (p, k)
     q: np.ndarray  # (n, k) [kg^1/2 m]
     cutoff_hz: float | None  # with which the wall was made; None: the usual one
 

@@ -3,6 +3,7 @@
     free_modes       (K, M, w, Selection(n_modes=40)): free modes + the residual vector K^-1 w
     craig_bampton    (K, M, w, boundary, Selection(...)): boundary dofs + fixed-interface modes
     many_contacts    (pencil, modes, W): modes for many contacts, what each has beyond them
+    several_contacts (K, M, W, error, to_hz): free modes for contacts that are loaded at once
     with_columns     (model, K, M, B): further functionals of a model, as of shakers and sensors
     full_order       the unreduced structure as a ReducedModel, up to 5000 unknowns
     modal            ModalWall: omega (k,) [rad/s], phi (k,) = w @ mode [kg^-1/2]
@@ -72,6 +73,7 @@ from beadwave.rom.reduced_model import (
     static_compliance,
 )
 from beadwave.rom.selection import Selection
+from beadwave.rom.several_contacts import several_contacts
 from beadwave.rom.substructure_file import Substructure, load_mtx, substructure
 from beadwave.rom.substructuring import (
     compatibility,
@@ -132,6 +134,7 @@ __all__ = [
     "save_h5",
     "save_mat",
     "save_npz",
+    "several_contacts",
     "static_compliance",
     "static_responses",
     "substructure",

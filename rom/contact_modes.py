@@ -179,15 +179,18 @@ def krylov_space(
 ) -> Space:
     """Ritz pairs of n_vectors, or of more until their bound up to to_hz [Hz] is below error.
 
-    w (n,) is the contact functional, error relative, rms. The first pairs are the retained ones;
-    the others are orthogonal to them in M. With enough(omega, shapes), which is asked about the
-    lowest modes that have converged, the space holds modes that the contact does not move as well,
-    and grows until it is True. Of a floating structure the retained modes must hold the rigid-body
-    ones, as exact zeros of omega. Raises ReductionError where `largest` vectors do not do.
+    w (n,) is the contact functional, or those of p contacts (n, p), of which each is within the
+    bound, and the receptance between any two by the product of theirs; error relative, rms. The
+    first pairs are the retained ones; the others are orthogonal to them in M. With enough(omega,
+    shapes), which is asked about the lowest modes that have converged, the space holds modes that
+    the contact does not move as well, and grows until it is True. Of a floating structure the
+    retained modes must hold the rigid-body ones, as exact zeros of omega. Raises ReductionError
+    where `largest` vectors do not do.
     """
     K, M = problem.K, problem.M
     s = 2 * np.pi * frequencies(to_hz)
-    loads = w[:, None]
+    loads = w.reshape(len(w), -1)
+    p = loads.shape[1]
     if enough is not None:
         random = np.random.default_rng(0).standard_normal((len(w), options.random))
         loads = np.column_stack([w, M @ random])
@@ -202,12 +205,12 @@ def krylov_space(
     energy = np.sum((participation[elastic] / retained.omega[elastic, None]) ** 2, axis=0)
     compliance = np.sqrt(energy + np.maximum(np.einsum("ij,ij->j", static, K @ static), 0.0))
     block, R = k_orthonormalised(static, static.T @ (K @ static), K, 1e-12 * compliance)
-    participation = participation[:, 0]
+    participation = participation[:, :p]
     if not block.shape[1]:
         return Space(retained, 0.0, to_hz, np.zeros(len(retained.omega)))
 
     V, H = np.empty((len(w), 2 * options.check), order="F"), np.zeros((0, 0))
-    load = R[:, 0]  # V^T w: the first column of the loads is w, and V^T w = V^T K K^-1 w
+    load = R[:, :p]  # V^T w: the first columns of the loads are w, and V^T w = V^T K K^-1 w
     while True:
         # X = K^-1 M V_j beyond the retained modes and the vectors so far. In exact arithmetic the
         # last two blocks would do; all of them, twice, keep V K-orthonormal to rounding
@@ -239,7 +242,7 @@ def krylov_space(
             continue
 
         # the bound, and where modes are wanted those that have converged
-        load = np.pad(load, (0, m - len(load)))
+        load = np.pad(load, ((0, m - len(load)), (0, 0)))
         theta, S = np.linalg.eigh((H + H.T) / 2)
         theta, S = theta[::-1], S[:, ::-1]
         bound = _bound(theta, S, R, load, s, retained.omega, participation)
@@ -315,17 +318,20 @@ def _bound(
     omega: np.ndarray,
     participation: np.ndarray,
 ) -> float:
-    """Bound of the relative rms error of a space's receptance at s [rad/s], as the module says.
+    """Bound of the relative rms error of a space's receptances at s [rad/s], as the module says:
+    the largest of p contacts.
 
-    theta (m,) and S (m, m) are the eigenpairs of H, load (m,) = V^T w, R (l, j) what leaves the
-    last block; omega and participation are those of the retained modes.
+    theta (m,) and S (m, m) are the eigenpairs of H, load (m, p) = V^T w, R (l, j) what leaves the
+    last block; omega (k,) and participation (k, p) are those of the retained modes.
     """
-    weights = S.T @ load
-    dynamic = weights / (1 + 1j * LOSS - s[:, None] ** 2 * theta)
-    receptance = dynamic @ weights
-    receptance = receptance + receptances(omega, participation, s).sum(axis=1)
-    leaving = np.linalg.norm(dynamic @ (R @ S[len(S) - R.shape[1] :]).T, axis=1)
-    return rms((s**2 * leaving) ** 2) / LOSS / size(receptance)
+    leaves = (R @ S[len(S) - R.shape[1] :]).T
+    bounds = []
+    for weights, phi in zip((S.T @ load).T, participation.T, strict=True):
+        dynamic = weights / (1 + 1j * LOSS - s[:, None] ** 2 * theta)
+        receptance = dynamic @ weights + receptances(omega, phi, s).sum(axis=1)
+        leaving = np.linalg.norm(dynamic @ leaves, axis=1)
+        bounds.append(rms((s**2 * leaving) ** 2) / LOSS / size(receptance))
+    return max(bounds)
 
 
 def _ranked(omega: np.ndarray, phi: np.ndarray, kept: np.ndarray, to_hz: float) -> np.ndarray:

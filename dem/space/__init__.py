@@ -4,6 +4,8 @@
     lattice, y_chain, touching    lattices and networks, and who touches whom
     at_rest          a packing pressed by steady loads between its planes
     march_to_error   the run to a velocity error;  march: at a step dt [s]
+    Structure        modes that the points move with where spheres lean on them
+    rows_of          chains on points of one structure, as a packing;  row_runs: of a march
 
 >>> import numpy as np
 >>> rows = lattice("hexagonal", (3, 8), periodic=True)
@@ -45,7 +47,9 @@ from beadwave.dem.space.packing import (
     plane_guides,
     validate,
 )
+from beadwave.dem.space.rows import Row, RowRun, Rows, row_runs, rows_of
 from beadwave.dem.space.statics import at_rest, resultants
+from beadwave.dem.space.structure import Structure, structure_of_wall
 
 __all__ = [
     "AT_REST",
@@ -54,8 +58,12 @@ __all__ = [
     "Lattice",
     "Packing",
     "Plane",
+    "Row",
+    "RowRun",
+    "Rows",
     "SpaceErrors",
     "SpaceTrajectory",
+    "Structure",
     "at_rest",
     "drive",
     "lattice",
@@ -67,6 +75,9 @@ __all__ = [
     "packing_of",
     "plane_guides",
     "resultants",
+    "row_runs",
+    "rows_of",
+    "structure_of_wall",
     "touching",
     "unit_cell",
     "validate",

@@ -21,6 +21,15 @@ so that the energy T^2 / 2k falls by xi^2 / 2 |dk| either way, which is booked a
 law that kept T while k falls would make energy (R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20
 (1953) 327; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technol. 233 (2013) 30).
 
+A structure moves its points, where spheres lean on it, with its modes and along the directions that
+each point has:
+
+    q'' + 2 zeta omega q' + omega^2 q = Phi F,    U = Phi^T q + S F
+
+S is what is in series with each contact alone: minus the half-space that Hertz' and Mindlin's laws
+hold already. What the points feel of each other is in the modes. The overlap d follows from
+d + s N(d) = gap, and the tangential stiffness is k / (1 + s_t k).
+
 Forces are computed contact by contact, then summed sphere by sphere in a fixed order, both without
 rearranged arithmetic: how the work is shared out changes no bit of the result.
 """
@@ -31,34 +40,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.dem.kernels.arguments import WORK as WALL_WORK
-from beadwave.dem.kernels.arguments import (
-    Array,
-    Damping,
-    ForceShape,
-    Plastic,
-    Steps,
-    U,
-    V,
-    WallModes,
-)
-from beadwave.dem.kernels.compiled import ieee, ieee_inline, ieee_march
+from beadwave.dem.kernels.arguments import Array, Damping, ForceShape, Plastic, Steps
+from beadwave.dem.kernels.compiled import fastmath, ieee, ieee_inline, ieee_march
 from beadwave.dem.kernels.laws import (
+    contact_stiffness,
     damper_coefficient,
     elastic_force,
+    elastic_indentation,
     never_pulls,
     plastic_force,
     plastic_loss,
+    spring_share,
     stored_energy,
 )
-from beadwave.dem.kernels.modes import drift_modes, modal_energy, push_modes
 from beadwave.dem.kernels.numbers import larger
 
 Numbers = NDArray[np.int64]
 
 # columns of the saved energies, in the order of `SpaceTrajectory`
-(KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, WALL, IN_CONTACTS, IN_FRICTION, IN_WALL,
- OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(13)  # fmt: skip
+(KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, LEAF, WALL, RESIDUAL, IN_CONTACTS,
+ IN_FRICTION, IN_WALL, OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(15)  # fmt: skip
 
 
 class SpaceMotion(NamedTuple):
@@ -75,7 +76,9 @@ class SpaceMotion(NamedTuple):
     damper: Array  # (c, 3) [N] on the second sphere, with the dampers
     middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
     change: Array  # (s, 3) [m/s] that such a kick makes
-    wall: Array  # (4,) as of a chain: u_w, v_w, dashpot's way, work on the modes
+    point: Array  # (p, 3) [m] of the structure's points
+    point_v: Array  # (p, 3) [m/s]
+    middle_point: Array  # (p, 3) [m/s] inside of a kick with dampers
     lost: Array  # (c,) [J] by dampers and yield
     heat: Array  # (c,) [J] by friction
 
@@ -88,13 +91,14 @@ class SpaceArrays(NamedTuple):
     inverse_mass: Array  # (s,) [1/kg]
     inertia: Array  # (s,) [kg m^2]
     first: Numbers  # (c,) a sphere
-    second: Numbers  # (c,) a sphere, or -1 for a plane at rest, -2 for the wall that moves
+    second: Numbers  # (c,) a sphere, -1 for a plane at rest, -2 - k for point k of the structure
     n_pairs: int  # contacts of two spheres
     arm: Array  # (c, 3) [m] from the first centre to the second at rest; to a plane its normal
     length: Array  # (c,) [m] of the arm; to a plane the radius
     share: Array  # (c, 2) of the moment for the first and the second sphere
     overlap: Array  # (c,) [m] at rest, < 0 for a gap
     A: Array  # (c,) [N/m^1.5]
+    residual: Array  # (c,) [m/N] in series with the contact along its normal; 0 of two spheres
     start: Numbers  # (s + 1,) where each sphere's contacts begin in `incident`
     incident: Numbers  # contacts of each sphere, c as first and -1 - c as second sphere
 
@@ -104,6 +108,7 @@ class Friction(NamedTuple):
 
     coefficient: Array  # (c,) mu
     stiffness: Array  # (c,) K [N/m^1.5] of k = K sqrt(d)
+    residual: Array  # (c,) [m/N] in series with k
 
 
 class Guides(NamedTuple):
@@ -111,6 +116,25 @@ class Guides(NamedTuple):
 
     motion: Array
     turn: Array
+
+
+class StructureModes(NamedTuple):
+    """m modes that move the points of a structure along r directions, those of a point together."""
+
+    q: Array  # (m,) [kg^1/2 m] from rest
+    p: Array  # (m,) dq/dt
+    phi: Array  # (r, m) [kg^-1/2]
+    omega: Array  # (m,) [rad/s]
+    static: Array  # (m,) displacement at rest
+    propagator: Array  # (n_fractions, 4, m) as of `WallModes`
+    square: Array  # (r, r) [1/kg] phi phi^T, velocities after unit impulses
+    direction: Array  # (r, 3) unit vectors
+    start: Numbers  # (p + 1,) where each point's directions begin
+    rest_force: Array  # (r,) [N]
+    force: Array  # (r,) [N] room
+    v: Array  # (r,) [m/s] phi p
+    kicked: Array  # (2, r) room of a kick with dampers: impulses over its time, velocities inside
+    work: Array  # (1,) [J] on the modes so far
 
 
 class Drive(NamedTuple):
@@ -135,7 +159,8 @@ class Parts(NamedTuple):
     guides: Guides | None
     load: Array | None  # (s, 3) [N]
     weight: Array | None  # (s, 3) [N], part of the load
-    modes: WallModes | None
+    leaf: Array | None  # (s,) [N/m] springs from the places at rest
+    modes: StructureModes | None
     drive: Drive | None
 
 
@@ -149,8 +174,9 @@ class SpaceSaved(NamedTuple):
     spin: Array  # (k, n_spheres, 3) [rad/s]; (k, 0, 3) without friction
     force: Array  # (k, n_contacts) [N] along the line of centres, dampers included
     traction: Array  # (k, n_contacts, 3) [N] on the second sphere; (k, 0, 3) without friction
-    wall: Array  # (k, 3) displacement [m], velocity [m/s], force [N] of the wall that moves
-    energy: Array  # (k, 13) [J]
+    wall: Array  # (k, 3, r) displacement [m], velocity [m/s], force [N] of the structure's points
+    modes: Array  # (k, m) q of the structure's modes, what they have at rest included
+    energy: Array  # (k, 15) [J]
 
 
 @ieee_march
@@ -183,7 +209,7 @@ def march(
                     stale = False
                 if drift != 0.0:
                     drift_spheres(0, n, drift, motion)
-                    drift_modes(i, 0.0, motion.wall, parts.modes)
+                    drift_structure(i, motion, parts.modes)
                     drifted += drift
                     now += drift
                     place_driven(now, motion, parts.drive)
@@ -211,28 +237,45 @@ def push(
 ) -> None:
     """Impulse over `kick` [s] on spheres and wall, with the dampers where there are any."""
     if damping is None:
-        push_spheres(0, arrays.mass.size, kick, motion, arrays, parts.guides, parts.load)
-        push_wall(kick, motion, arrays, parts.modes)
+        push_spheres(
+            0, arrays.mass.size, kick, motion, arrays, parts.guides, parts.load, parts.leaf
+        )
+        push_structure(kick, motion, arrays, parts.modes)
     else:
-        push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.modes)
+        push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.leaf, parts.modes)
 
 
 @ieee_inline
 def stretch(
-    c: int, u: Array, wall: Array, arrays: SpaceArrays
+    c: int, u: Array, point: Array, arrays: SpaceArrays
 ) -> tuple[float, float, float, float, float]:
     """Rise of the distance of contact c [m], the vector y between its bodies now, and its length:
     of a plane the normal, whose length is 1."""
     i, j = arrays.first[c], arrays.second[c]
     x0, x1, x2 = arrays.arm[c, 0], arrays.arm[c, 1], arrays.arm[c, 2]
     if j < 0:
-        moved = wall[U] if j == -2 else 0.0
-        return moved - (x0 * u[i, 0] + x1 * u[i, 1] + x2 * u[i, 2]), x0, x1, x2, 1.0
+        d0, d1, d2 = -u[i, 0], -u[i, 1], -u[i, 2]
+        if j < -1:
+            k = -2 - j
+            d0, d1, d2 = d0 + point[k, 0], d1 + point[k, 1], d2 + point[k, 2]
+        return x0 * d0 + x1 * d1 + x2 * d2, x0, x1, x2, 1.0
     d0, d1, d2 = u[j, 0] - u[i, 0], u[j, 1] - u[i, 1], u[j, 2] - u[i, 2]
     y0, y1, y2 = x0 + d0, x1 + d1, x2 + d2
     r = math.sqrt(y0 * y0 + y1 * y1 + y2 * y2)
     twice = d0 * (x0 + y0) + d1 * (x1 + y1) + d2 * (x2 + y2)
     return twice / (r + arrays.length[c]), y0, y1, y2, r
+
+
+@ieee_inline
+def in_series(
+    c: int, gap: float, arrays: SpaceArrays, shape: ForceShape | None, plastic: Plastic | None
+) -> float:
+    """Overlap [m] of contact c where it shares the approach `gap` > 0 [m] with a spring; nan where
+    no force answers. Contacts that yield have none."""
+    s = arrays.residual[c]
+    if plastic is not None or s == 0.0:
+        return gap
+    return elastic_indentation(c, gap, s, arrays.A, shape)
 
 
 @ieee
@@ -242,15 +285,16 @@ def contact_forces(
 ) -> None:  # fmt: skip
     """Forces of the contacts from `low` to `high` after a drift [s] with the velocities there are;
     those that are pressed deeper than ever yield."""
-    force, u, wall, A = motion.force, motion.u, motion.wall, arrays.A
+    force, u, point, A = motion.force, motion.u, motion.point, arrays.A
     for c in range(low, high):
-        rise, y0, y1, y2, r = stretch(c, u, wall, arrays)
+        rise, y0, y1, y2, r = stretch(c, u, point, arrays)
         d = arrays.overlap[c] - rise
         if d <= 0.0:
             force[c, 0], force[c, 1], force[c, 2] = 0.0, 0.0, 0.0
             if friction is not None:
                 open_contact(c, d, motion, friction)
             continue
+        d = in_series(c, d, arrays, shape, plastic)
         if plastic is None:
             pressed = elastic_force(c, d, A, shape)
         else:
@@ -273,12 +317,20 @@ def deepen(c: int, d: float, lost: Array, A: Array, plastic: Plastic) -> None:
 
 
 @ieee_inline
+def shear_stiffness(c: int, d: float, friction: Friction) -> float:
+    """Tangential stiffness [N/m] of contact c at the overlap d >= 0 [m], the spring in series with
+    it included."""
+    k = friction.stiffness[c] * math.sqrt(d)
+    return k / (1.0 + friction.residual[c] * k)
+
+
+@ieee_inline
 def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> None:
     """Friction of an open contact, the gap -d [m]: none; what its springs still held is heat."""
     T = motion.traction
     if motion.depth[c] > 0.0:
         square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
-        motion.heat[c] += 0.5 * square / (friction.stiffness[c] * math.sqrt(motion.depth[c]))
+        motion.heat[c] += 0.5 * square / shear_stiffness(c, motion.depth[c], friction)
     for axis in range(3):
         T[c, axis] = 0.0
         motion.moment[c, axis] = 0.0
@@ -315,8 +367,9 @@ def rub(
         p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
         unit = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
         p0, p1, p2 = unit * p0, unit * p1, unit * p2
-    elif j == -2:
-        w0, w1, w2 = w0 + motion.wall[V] * e0, w1 + motion.wall[V] * e1, w2 + motion.wall[V] * e2
+    elif j < -1:
+        k, moved = -2 - j, motion.point_v
+        w0, w1, w2 = w0 + moved[k, 0], w1 + moved[k, 1], w2 + moved[k, 2]
 
     # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
     # the squares of a step's turns, some 1e-12, are left out
@@ -351,8 +404,7 @@ def rub(
         closed = d / (d - d0)
         g0, g1, g2 = closed * g0, closed * g1, closed * g2
         d0 = 0.0
-    k0 = friction.stiffness[c] * math.sqrt(d0)
-    k1 = friction.stiffness[c] * math.sqrt(d)
+    k0, k1 = shear_stiffness(c, d0, friction), shear_stiffness(c, d, friction)
     soft = 1.0 / k0 if k0 > 0.0 else 0.0
     x0, x1, x2 = soft * t0, soft * t1, soft * t2  # xi before
     square, p = t0 * t0 + t1 * t1 + t2 * t2, (t0, t1, t2)
@@ -426,15 +478,17 @@ def swept(
 @ieee
 def push_spheres(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
-    guides: Guides | None, load: Array | None,
+    guides: Guides | None, load: Array | None, leaf: Array | None,
 ) -> None:  # fmt: skip
-    """Impulse of the contacts' forces and the load over `kick` [s] on the spheres from `low` to
+    """Impulse of contacts, load and leaf springs over `kick` [s] on the spheres from `low` to
     `high`, each summed in the order of its contacts."""
     v, force = motion.v, motion.force
     for i in range(low, high):
         f0, f1, f2 = 0.0, 0.0, 0.0
         if load is not None:
             f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
+        if leaf is not None:
+            f0, f1, f2 = drawn_back(i, f0, f1, f2, motion.u, leaf)
         for at in range(arrays.start[i], arrays.start[i + 1]):
             c = arrays.incident[at]
             if c >= 0:
@@ -477,6 +531,15 @@ def push_spins(
 
 
 @ieee_inline
+def drawn_back(
+    i: int, f0: float, f1: float, f2: float, u: Array, leaf: Array
+) -> tuple[float, float, float]:
+    """The force [N] on sphere i with that of its leaf spring (s,) [N/m]."""
+    k = leaf[i]
+    return f0 - k * u[i, 0], f1 - k * u[i, 1], f2 - k * u[i, 2]
+
+
+@ieee_inline
 def projected(P: Array, i: int, f0: float, f1: float, f2: float) -> tuple[float, float, float]:
     """P_i f, of the projectors P (s, 3, 3)."""
     return (
@@ -487,23 +550,72 @@ def projected(P: Array, i: int, f0: float, f1: float, f2: float) -> tuple[float,
 
 
 @ieee
-def wall_force(force: Array, arrays: SpaceArrays) -> float:
-    """Force [N] of all contacts on the wall that moves, along its normal."""
-    total = 0.0
+def gather(force: Array, arrays: SpaceArrays, modes: StructureModes) -> None:
+    """Forces [N] of all contacts on the points of a structure, along their directions."""
+    for r in range(modes.force.size):
+        modes.force[r] = 0.0
     for c in range(arrays.n_pairs, arrays.A.size):
-        if arrays.second[c] == -2:
-            for k in range(3):
-                total += force[c, k] * arrays.arm[c, k]
-    return total
+        k = -2 - arrays.second[c]
+        if k >= 0:
+            for r in range(modes.start[k], modes.start[k + 1]):
+                for axis in range(3):
+                    modes.force[r] += force[c, axis] * modes.direction[r, axis]
 
 
-@ieee_inline
-def push_wall(
-    kick: float, motion: SpaceMotion, arrays: SpaceArrays, modes: WallModes | None
+@ieee
+def along_directions(values: Array, vectors: Array, modes: StructureModes) -> None:
+    """Vectors (p, 3) of the points of which `values` (r,) are the components."""
+    for k in range(vectors.shape[0]):
+        for axis in range(3):
+            vectors[k, axis] = 0.0
+            for r in range(modes.start[k], modes.start[k + 1]):
+                vectors[k, axis] += values[r] * modes.direction[r, axis]
+
+
+@fastmath
+def push_row(r: int, impulse: float, modes: StructureModes) -> None:
+    """Impulse [N s] on the structure along its direction r: p += phi_r I, with the work of it."""
+    modes.work[0] += impulse * (modes.v[r] + 0.5 * modes.square[r, r] * impulse)
+    for other in range(modes.v.size):
+        modes.v[other] += modes.square[other, r] * impulse
+    p, phi = modes.p, modes.phi
+    for j in range(p.size):
+        p[j] += phi[r, j] * impulse
+
+
+@ieee
+def push_structure(
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, modes: StructureModes | None
 ) -> None:
-    """Impulse over `kick` [s] of the contacts' force beyond that at rest on the wall's modes."""
+    """Impulse over `kick` [s] of the contacts' forces beyond those at rest on the structure."""
     if modes is not None:
-        push_modes(kick * (wall_force(motion.force, arrays) - modes.rest_force), motion.wall, modes)
+        gather(motion.force, arrays, modes)
+        for r in range(modes.force.size):
+            push_row(r, kick * (modes.force[r] - modes.rest_force[r]), modes)
+        along_directions(modes.v, motion.point_v, modes)
+
+
+@fastmath
+def drift_structure(k: int, motion: SpaceMotion, modes: StructureModes | None) -> None:
+    """Exact free motion of the structure by the k-th drift; its points' displacements and
+    velocities are summed anew from the modes, so that rounding does not pile up."""
+    if modes is None:
+        return
+    q, p, phi, u = modes.q, modes.p, modes.phi, modes.force
+    qq, qp = modes.propagator[k, 0], modes.propagator[k, 1]
+    pq, pp = modes.propagator[k, 2], modes.propagator[k, 3]
+    for j in range(q.size):
+        before, speed = q[j], p[j]
+        q[j] = qq[j] * before + qp[j] * speed
+        p[j] = pq[j] * before + pp[j] * speed
+    for r in range(u.size):
+        moved, speed = 0.0, 0.0
+        for j in range(q.size):
+            moved += phi[r, j] * q[j]
+            speed += phi[r, j] * p[j]
+        u[r], modes.v[r] = moved, speed
+    along_directions(u, motion.point, modes)
+    along_directions(modes.v, motion.point_v, modes)
 
 
 @ieee
@@ -565,16 +677,18 @@ def work_of_drive(
 
 @ieee_inline
 def damper_force(
-    c: int, v: Array, w: float, motion: SpaceMotion, arrays: SpaceArrays, shape: ForceShape | None,
+    c: int, v: Array, w: Array, motion: SpaceMotion, arrays: SpaceArrays, shape: ForceShape | None,
     plastic: Plastic | None, damping: Damping,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
-    """Damping force [N] of contact c with the velocities v (s, 3) and that of the wall w [m/s], its
-    rate of approach [m/s], and the line of centres; 0 of an open contact."""
-    rise, y0, y1, y2, r = stretch(c, motion.u, motion.wall, arrays)
+    """Damping force [N] of contact c with the velocities v (s, 3) of the spheres and w (p, 3) of
+    the structure's points, its rate of approach [m/s], and the line of centres; 0 of an open
+    contact."""
+    rise, y0, y1, y2, r = stretch(c, motion.u, motion.point, arrays)
     d = arrays.overlap[c] - rise
     e0, e1, e2 = y0 / r, y1 / r, y2 / r
     if d <= 0.0:
         return 0.0, 0.0, e0, e1, e2
+    d = in_series(c, d, arrays, shape, plastic)
     if plastic is None:
         pressed = elastic_force(c, d, arrays.A, shape)
     else:
@@ -583,9 +697,13 @@ def damper_force(
     rate = v[i, 0] * e0 + v[i, 1] * e1 + v[i, 2] * e2
     if j >= 0:
         rate -= v[j, 0] * e0 + v[j, 1] * e1 + v[j, 2] * e2
-    elif j == -2:
-        rate -= w
+    elif j < -1:
+        k = -2 - j
+        rate -= w[k, 0] * e0 + w[k, 1] * e1 + w[k, 2] * e2
     extra = damper_coefficient(damping.gamma[c], pressed, damping.law) * rate
+    if arrays.residual[c] != 0.0:
+        k_n = contact_stiffness(c, pressed, arrays.A, shape, plastic)
+        extra *= spring_share(k_n, arrays.residual[c])[0]
     if never_pulls(damping.law) and extra < -pressed:
         extra = -pressed
     return extra, rate, e0, e1, e2
@@ -594,16 +712,19 @@ def damper_force(
 @ieee
 def push_damped(
     kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, guides: Guides | None,
-    load: Array | None, modes: WallModes | None,
+    load: Array | None, leaf: Array | None, modes: StructureModes | None,
 ) -> None:  # fmt: skip
     """Kick [s] of contacts and dampers together at fixed positions, m v' = F + F_d(v), by the
     classical method of Runge and Kutta: F_d is linear in v where it is not cut, so that what is
     left is of order 5 in the kick times the dampers' rate. Each damper takes force times rate of
     approach, by the weights of the method.
     """
-    v, middle, total, wall = motion.v, motion.middle, motion.change, motion.wall
+    v, middle, total = motion.v, motion.middle, motion.change
     n, m = arrays.mass.size, arrays.A.size
-    w, push = wall[V], 0.0
+    if modes is not None:
+        for r in range(modes.v.size):
+            modes.kicked[0, r] = 0.0
+        along_directions(modes.v, motion.middle_point, modes)
     for i in range(n):
         for axis in range(3):
             middle[i, axis] = v[i, axis]
@@ -613,8 +734,9 @@ def push_damped(
         ahead = 1.0 if stage == 2 else 0.5  # of the kick, to where the next stage looks
         for c in range(m):
             extra, rate, e0, e1, e2 = damper_force(
-                c, middle, w, motion, arrays, parts.shape, parts.plastic, parts.damping
-            )
+                c, middle, motion.middle_point, motion, arrays, parts.shape, parts.plastic,
+                parts.damping,
+            )  # fmt: skip
             motion.lost[c] += kick * weight * extra * rate
             motion.damper[c, 0] = motion.force[c, 0] + extra * e0
             motion.damper[c, 1] = motion.force[c, 1] + extra * e1
@@ -623,6 +745,8 @@ def push_damped(
             f0, f1, f2 = 0.0, 0.0, 0.0
             if load is not None:
                 f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
+            if leaf is not None:
+                f0, f1, f2 = drawn_back(i, f0, f1, f2, motion.u, leaf)
             for at in range(arrays.start[i], arrays.start[i + 1]):
                 c = arrays.incident[at]
                 sign = -1.0
@@ -641,14 +765,22 @@ def push_damped(
             middle[i, 1] = v[i, 1] + ahead * scale * f1
             middle[i, 2] = v[i, 2] + ahead * scale * f2
         if modes is not None:
-            on_wall = wall_force(motion.damper, arrays) - modes.rest_force
-            push += weight * on_wall
-            w = wall[V] + ahead * kick * modes.square * on_wall
+            gather(motion.damper, arrays, modes)
+            for r in range(modes.force.size):
+                modes.force[r] -= modes.rest_force[r]
+                modes.kicked[0, r] += weight * modes.force[r]
+            for r in range(modes.force.size):
+                modes.kicked[1, r] = modes.v[r]
+                for other in range(modes.force.size):
+                    modes.kicked[1, r] += ahead * kick * modes.square[r, other] * modes.force[other]
+            along_directions(modes.kicked[1], motion.middle_point, modes)
     for i in range(n):
         for axis in range(3):
             v[i, axis] += total[i, axis]
     if modes is not None:
-        push_modes(kick * push, wall, modes)
+        for r in range(modes.force.size):
+            push_row(r, kick * modes.kicked[0, r], modes)
+        along_directions(modes.v, motion.point_v, modes)
 
 
 # --- what is saved -------------------------------------------------------------------------------
@@ -660,15 +792,13 @@ def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: 
     energy = saved.energy[k]
     for e in range(TOTAL):
         energy[e] = 0.0
-    save_spheres(k, motion, arrays, saved, parts.friction, parts.load, parts.weight)
-    on_wall = save_contacts(
-        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction
-    )
-    swing, absolute = modal_energy(parts.modes)
-    energy[WALL] = absolute
-    energy[IN_WALL] = motion.wall[WALL_WORK] - swing
+    save_spheres(k, motion, arrays, saved, parts.friction, parts.load, parts.weight, parts.leaf)
+    save_contacts(
+        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction,
+        parts.modes,
+    )  # fmt: skip
+    save_structure(k, saved, parts.modes)
     energy[OF_DRIVE] = drive_work(parts.drive)
-    saved.wall[k, 0], saved.wall[k, 1], saved.wall[k, 2] = motion.wall[U], motion.wall[V], on_wall
     total = 0.0
     for e in range(OF_LOAD):
         total += energy[e]
@@ -685,9 +815,29 @@ def drive_work(drive: Drive | None) -> float:
 
 
 @ieee
+def save_structure(k: int, saved: SpaceSaved, modes: StructureModes | None) -> None:
+    """Row k of the structure's points and modes, its energy and what its damping took."""
+    if modes is None:
+        return
+    q, p, static = modes.q, modes.p, modes.static
+    swing = 0.0
+    for j in range(q.size):
+        kinetic, stiffness = 0.5 * p[j] * p[j], 0.5 * modes.omega[j] * modes.omega[j]
+        swing += kinetic + stiffness * q[j] * q[j]
+        saved.energy[k, WALL] += kinetic + stiffness * (q[j] + static[j]) ** 2
+        saved.modes[k, j] = q[j] + static[j]
+    saved.energy[k, IN_WALL] = modes.work[0] - swing
+    for r in range(modes.v.size):
+        moved = 0.0
+        for j in range(q.size):
+            moved += modes.phi[r, j] * q[j]
+        saved.wall[k, 0, r], saved.wall[k, 1, r] = moved, modes.v[r]
+
+
+@ieee
 def save_spheres(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
-    friction: Friction | None, load: Array | None, weight: Array | None,
+    friction: Friction | None, load: Array | None, weight: Array | None, leaf: Array | None,
 ) -> None:  # fmt: skip
     """Row k of the spheres' states, their energies and the works of steady forces."""
     u, v, energy = motion.u, motion.v, saved.energy[k]
@@ -707,6 +857,8 @@ def save_spheres(
                 heavy += weight[i, axis] * u[i, axis]
             if load is not None:
                 work += load[i, axis] * u[i, axis]
+            if leaf is not None:
+                energy[LEAF] += 0.5 * leaf[i] * u[i, axis] * u[i, axis]
         energy[KINETIC] += 0.5 * arrays.mass[i] * square
         energy[ROTATION] += 0.5 * arrays.inertia[i] * turn
         energy[OF_WEIGHT] += heavy
@@ -717,14 +869,15 @@ def save_spheres(
 def save_contacts(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
     plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
-) -> float:  # fmt: skip
-    """Row k of the contacts' forces, their energies and losses; the force [N] on the wall that
-    moves."""
-    v, energy, on_wall, at = motion.v, saved.energy[k], 0.0, 0
+    modes: StructureModes | None,
+) -> None:  # fmt: skip
+    """Row k of the contacts' forces, on the structure's points too, their energies and losses."""
+    v, energy, at = motion.v, saved.energy[k], 0
     for c in range(arrays.A.size):
-        d = arrays.overlap[c] - stretch(c, motion.u, motion.wall, arrays)[0]
+        d = arrays.overlap[c] - stretch(c, motion.u, motion.point, arrays)[0]
         pressed, held = 0.0, 0.0
         if d > 0.0:
+            d = in_series(c, d, arrays, shape, plastic)
             if plastic is None:
                 pressed = elastic_force(c, d, arrays.A, shape)
                 held = stored_energy(c, d, pressed, arrays.A, shape)
@@ -732,16 +885,17 @@ def save_contacts(
                 pressed = plastic_force(c, d, arrays.A, plastic)
                 held = 0.4 * pressed * (d - plastic.crater[c])
         energy[CONTACT if arrays.second[c] >= 0 else WALL_CONTACT] += held
+        energy[RESIDUAL] += 0.5 * arrays.residual[c] * pressed * pressed
         if damping is not None:
             pressed += damper_force(
-                c, v, motion.wall[V], motion, arrays, shape, plastic, damping
+                c, v, motion.point_v, motion, arrays, shape, plastic, damping
             )[0]  # fmt: skip
-        if arrays.second[c] == -2:
-            on_wall += pressed
         if friction is not None and d > 0.0:
             T = motion.traction
             square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
-            energy[TANGENTIAL] += 0.5 * square / (friction.stiffness[c] * math.sqrt(d))
+            energy[TANGENTIAL] += 0.5 * square / shear_stiffness(c, d, friction)
+        if modes is not None:
+            save_point_force(k, c, pressed, motion, arrays, saved, friction, modes)
         energy[IN_CONTACTS] += motion.lost[c]
         energy[IN_FRICTION] += motion.heat[c]
         if at < saved.contacts.size and saved.contacts[at] == c:
@@ -750,4 +904,20 @@ def save_contacts(
                 for axis in range(3):
                     saved.traction[k, at, axis] = -motion.traction[c, axis]
             at += 1
-    return on_wall
+
+
+@ieee
+def save_point_force(
+    k: int, c: int, pressed: float, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
+    friction: Friction | None, modes: StructureModes,
+) -> None:  # fmt: skip
+    """The force of contact c, `pressed` [N] along its normal, added to row k of its point's."""
+    point = -2 - arrays.second[c]
+    if point < 0:
+        return
+    for r in range(modes.start[point], modes.start[point + 1]):
+        for axis in range(3):
+            force = pressed * arrays.arm[c, axis]
+            if friction is not None:
+                force -= motion.traction[c, axis]
+            saved.wall[k, 2, r] += force * modes.direction[r, axis]

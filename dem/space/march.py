@@ -14,14 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beadwave.dem.checks import InvalidChain, positive, require, vector, whole
-from beadwave.dem.kernels import oscillators
-from beadwave.dem.kernels.arguments import Array, Damping, Plastic, Steps, WallModes
+from beadwave.dem.kernels.arguments import Array, Damping, Plastic, Steps
 from beadwave.dem.kernels.laws import DAMPING_LAWS
 from beadwave.dem.richardson import richardson
 from beadwave.dem.schemes import SCHEMES, Scheme
 from beadwave.dem.space import kernel
 from beadwave.dem.space.kernel import Friction, Numbers, SpaceArrays, SpaceMotion, SpaceSaved
-from beadwave.dem.space.packing import MOVING, Packing, validate
+from beadwave.dem.space.packing import Packing, validate
+from beadwave.dem.space.structure import (
+    Structure,
+    modes_in_march,
+    residuals,
+    structure_behind,
+)
 from beadwave.dem.stability import UnstableStep, stability_interval
 from beadwave.dem.walls import Wall
 
@@ -46,10 +51,11 @@ class SpaceErrors(NamedTuple):
 
 
 class SpaceTrajectory(NamedTuple):
-    """Saved states, forces and the energy ledger; k saves of s spheres and c contacts.
+    """Saved states, forces and the energy ledger; k saves of s spheres and c contacts, and of a
+    structure of m modes whose points move along r directions.
 
     A contact is saved if its spheres are; `pairs` are rows of the saved spheres, -1 for a plane at
-    rest and -2 for the wall that moves.
+    rest and -2 - i for point i of the structure.
     """
 
     t: Array  # (k,) [s]
@@ -61,15 +67,18 @@ class SpaceTrajectory(NamedTuple):
     pairs: Numbers  # (c, 2)
     pair_force: Array  # (k, c) [N] pushing, dampers included
     pair_friction: Array  # (k, c, 3) [N] on the second sphere; (k, 0, 3) without friction
-    wall_x: Array  # (k,) [m]
-    wall_v: Array  # (k,) [m/s]
-    wall_force: Array  # (k,) [N] of all contacts on the wall that moves
+    wall_x: Array  # (k, r) [m] of the structure's points from rest, its residual motion left out
+    wall_v: Array  # (k, r) [m/s]
+    wall_force: Array  # (k, r) [N] of all contacts on the points
+    wall_q: Array  # (k, m) [kg^1/2 m] of the modes, what they have at rest included
     energy_kinetic: Array  # (k,) [J] of the spheres, without their spin
     energy_spin: Array  # (k,) [J]
     energy_contact: Array  # (k,) [J] of the contacts of two spheres
     energy_wall_contact: Array  # (k,) [J] of those with planes
     energy_shear: Array  # (k,) [J]
-    energy_wall: Array  # (k,) [J] of the wall's modes
+    energy_leaf: Array  # (k,) [J] of the leaf springs, about rest
+    energy_wall: Array  # (k,) [J] of the structure's modes
+    energy_residual: Array  # (k,) [J] of what is in series with the contacts at the structure
     dissipated_contact: Array  # (k,) [J] by dampers and yield
     dissipated_friction: Array  # (k,) [J]
     dissipated_wall: Array  # (k,) [J]
@@ -95,7 +104,7 @@ def default_scheme(packing: Packing) -> Scheme:
 
 def march(
     packing: Packing,
-    wall: Wall | None,
+    wall: Wall | Structure | None,
     v0: ArrayLike,
     *,
     duration: float,
@@ -109,10 +118,11 @@ def march(
     divide their spacing and are not above dt [s].
 
     `saved` are the spheres that are kept (all without it), from 0. The planes that move do so with
-    the modes of `wall`. Raises InvalidChain, and UnstableStep where a state is not finite.
+    the modes of `wall`, a structure or a wall of one point. Raises InvalidChain, and UnstableStep
+    where a state is not finite.
     """
     v0, spin = np.hsplit(np.asarray(v0, float), [3]) if np.ndim(v0) == 2 else (v0, None)
-    v0 = validate(packing, wall, v0)
+    v0, structure = validate(packing, v0), structure_behind(packing, wall)
     positive("duration", duration, " s")
     positive("dt", dt, " s")
     whole("n_save", n_save)
@@ -121,7 +131,7 @@ def march(
         spheres.size and 0 <= spheres[0] and spheres[-1] < len(packing.mass),
         f"saved spheres are {saved!r}; give numbers from 0 to {len(packing.mass) - 1}",
     )
-    needed = memory(packing, spheres, n_save) / 8
+    needed = memory(packing, spheres, n_save, structure) / 8
     if needed > MOST_SAVED:
         raise InvalidChain(
             f"{n_save} saves of {spheres.size} spheres are {needed:.2g} numbers, allowed are "
@@ -131,19 +141,22 @@ def march(
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     steps = Steps(duration / (n_save * stride), n_save, stride)
 
-    motion, driving = start(packing, v0), None
+    motion, driving = start(packing, v0, structure), None
     if packing.driven is not None:
         driving = packing.driven._replace(work=np.zeros(1))
         kernel.place_driven.py_func(0.0, motion, driving)
     if spin is not None and spin.size:
         motion.spin[:] = vector("spin", spin.ravel(), v0.size).reshape(-1, 3)
-    out = room(packing, spheres, n_save + 1)
-    modes = wall_modes(packing, wall, steps.h * method.a)
+    out = room(packing, spheres, n_save + 1, structure)
+    modes = None
+    if structure is not None:
+        modes = modes_in_march(packing, structure, steps.h * method.a)
     parts = kernel.Parts(
-        None, plastic(packing), dampers(packing), friction(packing), packing.guides, packing.load,
-        packing.weight, modes, driving,
+        None, plastic(packing), dampers(packing), friction(packing, structure), packing.guides,
+        packing.load, packing.weight, packing.leaf, modes, driving,
     )  # fmt: skip
-    count = kernel.march(motion, arrays(packing), parts, (method.a, method.b), steps, out)
+    in_march = arrays(packing, structure)
+    count = kernel.march(motion, in_march, parts, (method.a, method.b), steps, out)
     if count < n_save:
         raise UnstableStep(
             f"the state is not finite at t = {count * stride * steps.h:.4g} s with "
@@ -154,7 +167,7 @@ def march(
 
 def march_to_error(
     packing: Packing,
-    wall: Wall | None,
+    wall: Wall | Structure | None,
     v0: ArrayLike,
     *,
     duration: float,
@@ -167,7 +180,7 @@ def march_to_error(
 
     Raises InvalidChain, UnstableStep where no march is finite or the error takes too much work.
     """
-    v0 = validate(packing, wall, v0)
+    v0 = validate(packing, v0)
     positive("error", error)
     positive("duration", duration, " s")
     speed = max(float(np.linalg.norm(v0, axis=1).max()), packing.fastest_drive) or 1.0
@@ -242,14 +255,24 @@ def work(packing: Packing, duration: float, step: float) -> float:
     return duration / step * evaluations * max(len(packing.A), 1)
 
 
-def memory(packing: Packing, saved: Numbers, n_save: int) -> float:
+def memory(
+    packing: Packing, saved: Numbers, n_save: int, structure: Structure | None = None
+) -> float:
     """Bytes of a trajectory of the saved spheres (numbers from 0), and of the march."""
-    inside = np.zeros(len(packing.mass) + 2, bool)
-    inside[saved] = True
-    inside[-2:] = True
-    contacts = int(np.sum(inside[packing.pairs[:, 0]] & inside[packing.pairs[:, 1]]))
-    of_save = saved.size * (9 if packing.rubs else 6) + contacts * (4 if packing.rubs else 1) + 15
-    return 8.0 * ((n_save + 1) * of_save + 15 * len(packing.mass) + 25 * len(packing.A))
+    contacts = saved_contacts(packing, saved).size
+    of_save = saved.size * (9 if packing.rubs else 6) + contacts * (4 if packing.rubs else 1) + 17
+    modes = 0
+    if structure is not None:
+        of_save += 3 * len(structure.phi) + len(structure.omega)
+        modes = structure.phi.size + 30 * len(structure.omega)
+    of_march = 15 * len(packing.mass) + 25 * len(packing.A) + modes
+    return 8.0 * ((n_save + 1) * of_save + of_march)
+
+
+def saved_contacts(packing: Packing, spheres: Numbers) -> Numbers:
+    """The contacts whose spheres are all among these."""
+    i, j = packing.pairs.T
+    return np.flatnonzero(np.isin(i, spheres) & ((j < 0) | np.isin(j, spheres)))
 
 
 def event_order(packing: Packing) -> float:
@@ -265,9 +288,8 @@ def fastest_rate(packing: Packing, v0: Array) -> float:
     root of the contacts that share a sphere."""
     if not len(packing.A):
         return 0.0
-    inverse = np.append(1.0 / packing.mass, [0.0, 0.0])  # planes are the last two
     i, j = packing.pairs.T
-    pair = inverse[i] + inverse[j]
+    pair = inverse_masses(packing)
     speed = max(np.linalg.norm(v0, axis=1).max(), packing.fastest_drive)
     # the heaviest sphere's energy at that speed, in one contact
     energy = 0.5 * packing.mass.max() * speed**2
@@ -277,7 +299,14 @@ def fastest_rate(packing: Packing, v0: Array) -> float:
     return float(np.sqrt(1.5 * packing.A * np.sqrt(depth) * pair * np.maximum(shared / 2, 1)).max())
 
 
-def start(packing: Packing, v0: Array) -> SpaceMotion:
+def inverse_masses(packing: Packing) -> Array:
+    """(c,) [1/kg] of both spheres at each contact together; a plane has none."""
+    inverse = 1.0 / packing.mass
+    i, j = packing.pairs.T
+    return inverse[i] + np.where(j >= 0, inverse[j], 0.0)
+
+
+def start(packing: Packing, v0: Array, structure: Structure | None) -> SpaceMotion:
     """The state at rest with velocities v0 (s, 3) [m/s], along the guides."""
     s, c = len(packing.mass), len(packing.A)
     v = v0.copy()
@@ -285,11 +314,13 @@ def start(packing: Packing, v0: Array) -> SpaceMotion:
         v = np.einsum("ijk,ik->ij", packing.guides.motion, v)
     zeros = {name: np.zeros((s, 3)) for name in ("u", "spin", "middle", "change")}
     zeros |= {name: np.zeros((c, 3)) for name in ("force", "moment", "traction", "damper")}
-    zeros |= {"wall": np.zeros(4)} | {name: np.zeros(c) for name in ("lost", "heat", "bound")}
+    zeros |= {name: np.zeros(c) for name in ("lost", "heat", "bound")}
+    points = 0 if structure is None else structure.n_points
+    zeros |= {name: np.zeros((points, 3)) for name in ("point", "point_v", "middle_point")}
     return SpaceMotion(v=np.ascontiguousarray(v), depth=packing.overlap.copy(), **zeros)
 
 
-def arrays(packing: Packing) -> SpaceArrays:
+def arrays(packing: Packing, structure: Structure | None) -> SpaceArrays:
     """The packing as the kernel reads it: contacts of each sphere in ascending order."""
     s, c, n = len(packing.mass), len(packing.A), packing.n_pairs
     i, j = packing.pairs.T
@@ -308,7 +339,7 @@ def arrays(packing: Packing) -> SpaceArrays:
     return SpaceArrays(
         mass, inverse, packing.inertia, np.ascontiguousarray(i),
         np.ascontiguousarray(j), n, packing.arm, packing.length, share, packing.overlap, packing.A,
-        begin.astype(np.int64), signed[order].astype(np.int64),
+        residuals(packing, structure)[0], begin.astype(np.int64), signed[order].astype(np.int64),
     )  # fmt: skip
 
 
@@ -324,48 +355,28 @@ def dampers(packing: Packing) -> Damping | None:
     """Dampers of the contacts; None without."""
     if packing.dissipation == "none" or not np.any(packing.gamma):
         return None
-    inverse = np.append(1.0 / packing.mass, [0.0, 0.0])
-    pair = inverse[packing.pairs].sum(axis=1)
     law = DAMPING_LAWS[packing.dissipation].number
-    return Damping(np.asarray(packing.gamma, float), law, pair)
+    return Damping(np.asarray(packing.gamma, float), law, inverse_masses(packing))
 
 
-def friction(packing: Packing) -> Friction | None:
+def friction(packing: Packing, structure: Structure | None) -> Friction | None:
     """Friction of the contacts; None without."""
     if not packing.rubs:
         return None
-    return Friction(np.asarray(packing.friction, float), packing.shear)
+    in_series = residuals(packing, structure)[1]
+    return Friction(np.asarray(packing.friction, float), packing.shear, in_series)
 
 
-def wall_modes(packing: Packing, wall: Wall | None, spans: Array) -> WallModes | None:
-    """The modes of the wall that moves, about their displacement at rest; spans [s] of drifts."""
-    if wall is None or not wall.omega.size:
-        return None
-    leaning = packing.pairs[:, 1] == MOVING
-    depth = np.maximum(packing.overlap[leaning], 0.0)
-    rest_force = float(np.sum(packing.A[leaning] * depth**1.5))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        static = np.where(wall.omega > 0.0, wall.phi * rest_force / wall.omega**2, 0.0)
-    zeros = np.zeros_like(wall.omega)
-    return WallModes(
-        zeros.copy(), zeros.copy(), np.ascontiguousarray(wall.phi, float),
-        np.ascontiguousarray(wall.omega, float), static,
-        oscillators.propagators(spans, wall.omega, wall.zeta), None, float(wall.phi @ wall.phi),
-        rest_force,
-    )  # fmt: skip
-
-
-def room(packing: Packing, spheres: Numbers, k: int) -> SpaceSaved:
-    """Room for k saves of these spheres and the contacts between them."""
-    inside = np.zeros(len(packing.mass) + 2, bool)
-    inside[spheres] = True
-    inside[-2:] = True  # planes
-    contacts = np.flatnonzero(inside[packing.pairs[:, 0]] & inside[packing.pairs[:, 1]])
+def room(packing: Packing, spheres: Numbers, k: int, structure: Structure | None) -> SpaceSaved:
+    """Room for k saves of these spheres, the contacts between them, and the structure."""
+    contacts = saved_contacts(packing, spheres)
     s, c = spheres.size, contacts.size
     spinning, rubbing = (s, c) if packing.rubs else (0, 0)
+    rows, modes = (0, 0) if structure is None else structure.phi.shape
     return SpaceSaved(
         spheres, contacts, np.zeros((k, s, 3)), np.zeros((k, s, 3)), np.zeros((k, spinning, 3)),
-        np.zeros((k, c)), np.zeros((k, rubbing, 3)), np.zeros((k, 3)), np.zeros((k, 13)),
+        np.zeros((k, c)), np.zeros((k, rubbing, 3)), np.zeros((k, 3, rows)), np.zeros((k, modes)),
+        np.zeros((k, 15)),
     )  # fmt: skip
 
 
@@ -376,17 +387,17 @@ def trajectory(
     k = len(out.energy)
     t = np.arange(k) * (duration / (k - 1))
     t[-1] = duration
-    row = np.full(len(packing.mass) + 2, -1)
+    row = np.full(len(packing.mass), -1)
     row[out.spheres] = np.arange(out.spheres.size)
-    row[-2:] = MOVING, -1  # as the last two: -2 and -1
-    pairs = row[packing.pairs[out.contacts]]
+    pairs = packing.pairs[out.contacts]
+    pairs = np.where(pairs < 0, pairs, row[np.maximum(pairs, 0)])
     energy = out.energy.T
     # of a driven packing, at rest at the start, the largest it has
     scale = energy[0, 0] if packing.driven is None else energy[0].max()
     scale = scale or np.abs(energy[-1]).max() or 1.0
     return SpaceTrajectory(
         t, out.spheres, out.u, out.v, out.spin, out.contacts, pairs, out.force, out.traction,
-        *out.wall.T, *energy,
+        *np.ascontiguousarray(out.wall.transpose(1, 0, 2)), out.modes, *energy,
         dt=steps.h,
         n_steps=steps.n_save * steps.stride,
         scheme=scheme.name,

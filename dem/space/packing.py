@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from beadwave.dem.checks import InvalidChain, require, scalar, vector
+from beadwave.dem.checks import InvalidChain, require, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.laws import DAMPING_LAWS
 from beadwave.dem.space.kernel import Drive, Guides, Numbers
@@ -20,9 +20,9 @@ from beadwave.dem.spheres import (
     mindlin_coefficient,
     relative_radius,
 )
-from beadwave.dem.walls import Wall
 
-AT_REST, MOVING = -1, -2  # in the place of a contact's second sphere: a plane
+# in the place of a contact's second sphere: a plane, and point k of a structure as MOVING - k
+AT_REST, MOVING = -1, -2
 
 
 class Plane(NamedTuple):
@@ -33,7 +33,8 @@ class Plane(NamedTuple):
     overlap: Array  # (p,) [m] at rest
     young: float = np.inf  # [Pa]; inf is rigid
     poisson: float = 0.0
-    moves: bool = False  # along its normal, with the wall of the march
+    # of the structure behind it: one for all spheres, or (p,); None: at rest
+    point: ArrayLike | None = None
 
 
 class Packing(NamedTuple):
@@ -46,7 +47,7 @@ class Packing(NamedTuple):
     rest: Array  # (s, 3) [m] centres
     radius: Array  # (s,) [m]
     mass: Array  # (s,) [kg]
-    pairs: Numbers  # (c, 2) the second is AT_REST or MOVING for a plane
+    pairs: Numbers  # (c, 2) the second is AT_REST for a plane, MOVING - k for point k
     n_pairs: int
     arm: Array  # (c, 3) [m] from centre to centre at rest; the normal of a plane
     overlap: Array  # (c,) [m] at rest
@@ -59,6 +60,7 @@ class Packing(NamedTuple):
     guides: Guides | None = None
     load: Array | None = None  # (s, 3) [N]
     weight: Array | None = None  # (s, 3) [N], part of the load
+    leaf: Array | None = None  # (s,) [N/m] springs of the spheres from their places at rest
     driven: Drive | None = None  # spheres whose motion is given
 
     @property
@@ -148,7 +150,9 @@ def packing_of(
     tables = [(pairs, arm, overlap, A, K)]
     for plane in planes:
         k = np.asarray(plane.spheres, np.int64)
-        second = np.full(k.size, MOVING if plane.moves else AT_REST)
+        second = np.full(k.size, AT_REST)
+        if plane.point is not None:
+            second = np.broadcast_to(MOVING - np.asarray(plane.point, np.int64), k.size)
         normal = np.broadcast_to(np.asarray(plane.normal, float), (k.size, 3))
         of_plane = hertz_coefficient(R[k], E[k], nu[k], np.inf, plane.young, plane.poisson)
         leaning = np.broadcast_to(np.asarray(plane.overlap, float), k.size)
@@ -163,9 +167,9 @@ def packing_of(
     )  # fmt: skip
 
 
-def validate(packing: Packing, wall: Wall | None, v0: ArrayLike) -> Array:
+def validate(packing: Packing, v0: ArrayLike) -> Array:
     """The velocities v0 (s, 3) [m/s] in a copy; raises InvalidChain with one sentence if anything
-    of a packing, its wall and the velocities is not finite or out of range."""
+    of a packing and the velocities is not finite or out of range."""
     s, c = len(packing.mass), len(packing.A)
     vector("mass", packing.mass, s, positive=True)
     vector("radius", packing.radius, s, positive=True)
@@ -189,12 +193,8 @@ def validate(packing: Packing, wall: Wall | None, v0: ArrayLike) -> Array:
         vector("friction", packing.friction, c, at_least=0.0)
     if packing.yield_overlap is not None:
         vector("yield_overlap", packing.yield_overlap, c, positive=True)
-    if wall is not None:
-        require(
-            wall.residual_compliance == 0.0 and wall.mobility == 0.0,
-            "a packing leans on a wall of modes alone; leave out residual_compliance and mobility",
-        )
-        scalar("largest phi of the wall", float(np.abs(wall.phi).max(initial=0.0)))
+    if packing.leaf is not None:
+        vector("leaf", packing.leaf, s, at_least=0.0)
     return v0
 
 

@@ -364,7 +364,7 @@ def test_the_bound_of_a_space_is_what_its_last_vector_leaves():
     known = (p**2 / (omega**2 * (1 + 1j * LOSS) - s[:, None] ** 2)).sum(axis=1)
     exact = rms((s**2 * beta * np.abs(y[:, -1])) ** 2) / LOSS / size(norm * y[:, 0] + known)
     theta, S = np.linalg.eigh(H)
-    bound = _bound(theta, S, np.array([[beta]]), norm * e, s, omega, p)
+    bound = _bound(theta, S, np.array([[beta]]), norm * e[:, None], s, omega, p[:, None])
     assert bound == pytest.approx(exact, rel=1e-10)
 
 

@@ -57,6 +57,8 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """
     if "displacement" in arrays:
         return of_crystal(arrays)
+    if "chain" in arrays:
+        return of_chains(arrays)
     k, variables = len(arrays["t"]), {}
     for name, values in arrays.items():
         if name.startswith("error_"):
@@ -82,6 +84,39 @@ def of_trajectory(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     return xarray.Dataset(variables, coords | {"time": ("time", arrays["t"], {"units": "s"})})
 
 
+# arrays of several chains: dimensions and unit; contact i is behind sphere i
+CHAINS = {
+    "x": (("time", "sphere"), "m"), "v": (("time", "sphere"), "m/s"),
+    "contact_force": (("time", "sphere"), "N"),
+    "wall_x": (("time", "point"), "m"), "wall_v": (("time", "point"), "m/s"),
+    "wall_force": (("time", "point"), "N"), "wall_q": (("time", "mode"), "kg^0.5 m"),
+    "wall_omega": (("mode",), "rad/s"), "wall_phi": (("point", "mode"), "kg^-0.5"),
+    "rest": (("sphere", "axis"), "m"), "direction": (("sphere", "axis"), "1"),
+    "radius": (("sphere",), "m"),
+    "error_x": (("sphere",), "m"), "error_v": (("sphere",), "m/s"),
+    "error_contact_force": (("sphere",), "N"),
+}  # fmt: skip
+
+
+def of_chains(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
+    """The trajectory of several chains over time [s], spheres numbered from 1 through all chains,
+    `chain` says which one each is of, from 0; energies in J."""
+    variables = {}
+    for name, values in arrays.items():
+        if name in CHAINS:
+            dimensions, unit = CHAINS[name]
+            variables[name] = (dimensions, values, unit)
+        elif name.startswith(("energy", "dissipated", "work")):
+            variables[name] = (("time",), values, "J")
+    return dataset(
+        variables,
+        time=("time", arrays["t"], {"units": "s"}),
+        sphere=np.arange(1, len(arrays["chain"]) + 1),
+        chain=("sphere", arrays["chain"]),
+        axis=["x", "y", "z"],
+    )
+
+
 # arrays of a crystal: dimensions and unit
 CRYSTAL = {
     "displacement": (("time", "sphere", "axis"), "m"),
@@ -89,7 +124,8 @@ CRYSTAL = {
     "angular_velocity": (("time", "sphere", "axis"), "rad/s"),
     "pair_force": (("time", "contact"), "N"),
     "pair_friction": (("time", "contact", "axis"), "N"),
-    "wall_x": (("time",), "m"), "wall_v": (("time",), "m/s"), "wall_force": (("time",), "N"),
+    "wall_x": (("time", "direction"), "m"), "wall_v": (("time", "direction"), "m/s"),
+    "wall_force": (("time", "direction"), "N"), "wall_q": (("time", "mode"), "kg^0.5 m"),
     "rest": (("sphere", "axis"), "m"), "radius": (("sphere",), "m"),
     "pairs": (("contact", "end"), "1"),
     "error_displacement": (("sphere",), "m"), "error_velocity": (("sphere",), "m/s"),

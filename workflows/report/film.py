@@ -143,9 +143,10 @@ def frames(folder: Path, n: int) -> tuple[Frames, Scene]:
         raise InvalidScene(
             f"{folder} has no trajectory.npz: its scene has no chain, nothing moves."
         )
-    if scene.crystal:
+    if scene.crystal or scene.chains:
+        of = "a crystal" if scene.crystal else "several chains"
         raise InvalidScene(
-            f"{folder} is the run of a crystal, of which there is no film; open its report.html, "
+            f"{folder} is the run of {of}, of which there is no film; open its report.html, "
             "which moves the spheres."
         )
     i = np.unique(np.linspace(0, len(run["t"]) - 1, n).round().astype(int))

@@ -44,6 +44,24 @@ def chain_words(scene: Scene) -> str:
     return f"{row}: the first one {falls}strikes the row at {speed}{leans}"
 
 
+def chains_words(scene: Scene, summary: Summary) -> str:
+    """The first sentence of several chains: what strikes where, and on what they lean."""
+    parts = []
+    for row, one in zip(scene.chains, scene.of_each_chain.values(), strict=True):
+        where = f"{row.name} on {row.on}, {grouped(row.count)} spheres"
+        if one.striker:
+            delay = row.striker.time if row.striker else 0.0
+            where += f" struck at {si(one.striker.velocity, 'm/s')}"
+            where += f" after {si(delay, 's')}" if delay else ""
+        parts.append(where)
+    mass = summary.reduction and summary.reduction.mass_kg
+    return (
+        f"{grouped(len(parts))} chains lean on one assembly of {si(mass, 'kg')} "
+        f"({grouped(summary.dofs)} degrees of freedom, reduced to {summary.n_wall_modes} modes): "
+        f"{'; '.join(parts)}."
+    )
+
+
 CRYSTALS = {
     "square": "a square packing", "hexagonal": "a hexagonal packing",
     "sc": "a simple cubic packing", "bcc": "a body-centred cubic packing",
@@ -131,6 +149,13 @@ def facts(summary: Summary) -> list[tuple[str, str, float | None]]:
         ]
     if crystal := summary.crystal:
         rows += crystal_rows(crystal)[1:]
+    for name, chain in summary.chains.items():
+        contact = chain.wall_contact
+        rows += [
+            (f"{name}: peak force", si(chain.peak_wall_force_N, "N")),
+            (f"{name}: TOF", si(contact and contact.tof_s, "s")),
+            (f"{name}: ARR", percent(contact and contact.arr_2_9)),
+        ]
     if summary.modes_hz:
         rows.append((MODES, measured_modes(summary)))
     seconds = run_seconds(summary)

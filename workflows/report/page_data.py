@@ -66,7 +66,9 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         "scene": scene.name, "wall": None if scene.wall is None else scene.wall.kind
     }  # fmt: skip
 
-    if "x" in run:
+    if "chain" in run:
+        data |= _chains(scene, run, summary, limits)
+    elif "x" in run:
         # positions and velocities of the spheres next to the wall, from the first drawn on
         t, (k, n) = run["t"], run["x"].shape
         first = max(0, n - limits.spheres)
@@ -127,6 +129,50 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
         }
     direction = reduced.contact.direction if reduced else (1.0, 0.0, 0.0)
     return data | {"direction": direction, "up": upwards(scene, direction)}
+
+
+def _chains(
+    scene: Scene, run: dict[str, NDArray], summary: Summary, limits: PageLimits
+) -> dict[str, Any]:
+    """Several chains: their spheres in space, curves of each, and their waves, whose contacts are
+    numbered through all chains as the spheres are."""
+    t, (k, n), of_chain = run["t"], run["x"].shape, run["chain"]
+    origin = run["rest"][of_chain == 0][-1] + run["radius"][of_chain == 0][-1] * run["direction"][0]
+    step = max(1, -(-k // limits.frames), -(-k * n // limits.values))
+    chain = {
+        "first": 1,
+        "radius": run["radius"].tolist(),
+        "dt": float(step * (t[1] - t[0])),
+        "x": quantised(run["x"][::step]),
+        "v": quantised(run["v"][::step]),
+        "wall_x": quantised(run["wall_x"][::step, :1]),
+        "rest": (run["rest"] - origin).ravel().tolist(),
+        "along": run["direction"].ravel().tolist(),
+    }
+    curves: dict[str, list] = {"velocity": [], "force": [], "wall": []}
+    tracks, marks = [], {}
+    for i, (row, (name, numbers)) in enumerate(
+        zip(scene.chains, summary.chains.items(), strict=True)
+    ):
+        mine = np.flatnonzero(of_chain == i)
+        for s in [s for s in scene.output.spheres if s <= row.count] or (1, row.count):
+            curves["velocity"].append((f"{name}: sphere {s}", "m/s", run["v"][:, mine[s - 1]]))
+        curves["force"].append((name, "N", run["contact_force"][:, mine[-1]]))
+        curves["wall"].append((name, "m", run["wall_x"][:, i]))
+        marks |= {
+            f"{name}: {sphere}": [arrival.model_dump() for arrival in waves.arrivals]
+            for sphere, waves in numbers.waves.items()
+        }
+        for track in numbers.wall_contact.trains if numbers.wall_contact else ():
+            shift = {key: getattr(track, key) + int(mine[0])
+                     for key in ("from_contact", "to_contact")}  # fmt: skip
+            tracks.append(track.model_dump() | shift)
+    curves["energy"] = [(words, "J", values) for words, values in ledger(run)]
+    return {
+        "chain": chain,
+        "curves": _sampled(t, curves, limits),
+        "waves": {"tracks": tracks, "marks": marks},
+    }
 
 
 def _crystal(run: dict[str, NDArray], limits: PageLimits) -> dict[str, Any]:
@@ -246,7 +292,7 @@ def _moving_surface(
     # the coordinates of the wall's modes over time, from rest
     step = max(1, -(-len(run["t"]) // limits.frames))
     return data | {
-        "phi": run["wall_phi"].tolist(),
+        "phi": np.atleast_2d(run["wall_phi"])[0].tolist(),
         "frequency_hz": (run["wall_omega"] / (2 * np.pi)).tolist(),
         "q": quantised((run["wall_q"] - run["wall_q"][0])[::step]),
         "dt": float(step * (run["t"][1] - run["t"][0])),

@@ -6,6 +6,7 @@ import numpy as np
 
 from beadwave.workflows.report.first_screen import (
     chain_words,
+    chains_words,
     crystal_words,
     facts,
     wall_words,
@@ -94,6 +95,7 @@ def context(scene: Scene | None, summary: Summary, data: dict[str, Any]) -> dict
         },
         # the first screen
         "chain_words": chain_words,
+        "chains_words": chains_words,
         "wall_words": wall_words,
         "crystal_words": crystal_words,
         "waves_words": waves_words,

@@ -35,6 +35,7 @@ from beadwave.workflows.scene.named_files import unfit
 CAPTIONS = {
     "velocities": "Velocities of the observed spheres, positive towards the wall; i marks the "
     "incident wave, numbers the reflected ones.",
+    "forces": "Force of each chain on the structure over time.",
     "signals": "What the sensors record; i marks the incident wave, numbers the reflected ones.",
     "waves": "Velocity of every sphere over time, linear near zero and logarithmic beyond. Dashed: "
     "the waves that were followed; i incident, numbers reflected.",

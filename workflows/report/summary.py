@@ -197,6 +197,17 @@ class CrystalNumbers(BaseModel):
     peak_structure_force_N: float | None = None
 
 
+class ChainOnStructureNumbers(BaseModel):
+    """One of several chains on a structure; errors: relative, of the velocities of its spheres."""
+
+    peak_wall_force_N: float
+    contact_radius_m: float  # of the Hertz contact at that force
+    waves: dict[str, SphereWaves] = {}
+    wall_contact: ChainContact | None = None
+    errors: "ErrorEstimate"
+    sphere_errors_m_s: tuple[float, ...] = ()  # (n,) of each velocity by the time step
+
+
 class ErrorEstimate(BaseModel):
     """Relative errors of the observed velocities by cause; None where nothing estimates one."""
 
@@ -313,6 +324,7 @@ class Summary(BaseModel):
     wall_contact: ChainContact | None = None
     friction: FrictionNumbers | None = None
     crystal: CrystalNumbers | None = None
+    chains: dict[str, ChainOnStructureNumbers] = {}  # by name
     reduction: ReductionHealth | None = None
     verdict: tuple[str, ...] = ()
     seconds: float | None = None  # of the whole run; stages of two processes overlap

@@ -76,6 +76,7 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         rows += [(label, with_error(summary, ERROR_OF[label], x)) for label, x in of_wall.items()]
     if crystal := summary.crystal:
         rows += crystal_rows(crystal)
+    rows += chains_rows(summary)
     if across := summary.friction:
         back = across.surface_velocity_ratio
         rows += [
@@ -90,6 +91,24 @@ def results(summary: Summary) -> list[tuple[str, str]]:
             ("contact when the wave comes", contact_state(across)),
         ]
     return [(label, value) for label, value in rows if value not in ("", NONE)]
+
+
+def chains_rows(summary: Summary) -> list[tuple[str, str]]:
+    """Several chains: the waves at their spheres, and what each says of the structure."""
+    rows = []
+    for name, chain in summary.chains.items():
+        rows += [
+            (f"{name}, waves at sphere {s}", arrivals(waves, summary, s))
+            for s, waves in chain.waves.items()
+        ]
+        contact = chain.wall_contact
+        parts = [f"peak {si(chain.peak_wall_force_N, 'N')}"]
+        if contact is not None and contact.tof_s is not None:
+            parts.append(f"TOF {si(contact.tof_s, 's')}")
+        if contact is not None and contact.arr_2_9 is not None:
+            parts.append(f"ARR {percent(contact.arr_2_9)}")
+        rows.append((f"{name}, at the structure", listed(parts)))
+    return rows
 
 
 def crystal_rows(crystal: CrystalNumbers) -> list[tuple[str, str]]:

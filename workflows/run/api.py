@@ -163,6 +163,7 @@ def impact(
     changes = (*wall, *each(changes))
     chosen = with_spheres(load_scene(scene, changes))
     from beadwave.workflows.run.run import impact as run_impact
+    from beadwave.workflows.run.run import spheres
     from beadwave.workflows.stages.engine.pipeline import pipeline_of
 
     inputs = files_read(chosen, scene)
@@ -178,12 +179,17 @@ def impact(
             from beadwave.workflows.stages.crystal.numbers import crystal_arrays
 
             return crystal_arrays(pipeline("crystal"), pipeline("crystal-march"))
+        if chosen.chains:
+            from beadwave.workflows.stages.chain.several_numbers import chains_arrays
+
+            stages = "chains", "structure", "chains-march"
+            return chains_arrays(chosen, *(pipeline(stage) for stage in stages))
         from beadwave.coupling.saved_run import arrays  # kept results load no march
 
         lateral = pipeline("friction") if chosen.friction else None
         return arrays(pipeline("impact").trajectory, pipeline("wall"), lateral)
 
-    figures = "crystal-figures" if chosen.crystal else "figures"
+    figures = "figures" if chosen.chain else f"{spheres(chosen)}-figures"
     return Run(chosen, summary, path, notes, read, lambda: pipeline(figures))
 
 

@@ -12,7 +12,7 @@ from beadwave.workflows.report.report import CAPTIONS, write_report
 from beadwave.workflows.report.summary import ErrorEstimate, NumberError, StageTime, Summary
 from beadwave.workflows.report.summary_rows import spelled
 from beadwave.workflows.run.second_process import IMPACT, RUN, two_processes
-from beadwave.workflows.scene import MeasuredWall
+from beadwave.workflows.scene import MeasuredWall, Scene
 from beadwave.workflows.scene.places import has_friction
 from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
@@ -65,6 +65,8 @@ def run(
                     pipeline("structure-errors")
             if scene.crystal:
                 _write_files(pipeline, folder, "crystal-files")
+            if scene.chains:
+                _write_files(pipeline, folder, "chains-files")
             pipeline.release()
             summary_of(pipeline, origin=origin)  # the errors, before the pictures are waited for
 
@@ -82,6 +84,8 @@ def run(
                     write_pictures(folder, (pipeline("signals"),))
             if scene.crystal:
                 write_pictures(folder, pipeline("crystal-figures"))
+            if scene.chains:
+                write_pictures(folder, pipeline("chains-figures"))
 
             # once more, with pictures that are missing
             summary = summary_of(pipeline, unrendered, origin)
@@ -113,9 +117,14 @@ def impact(
             summary = summary_of(pipeline, origin=origin)
         if folder:
             _write_given(folder, origin)
-            _write_files(pipeline, folder, "crystal-files" if scene.crystal else "chain-files")
+            _write_files(pipeline, folder, f"{spheres(scene)}-files")
             folder.write("summary.json", summary.text())
     return summary
+
+
+def spheres(scene: Scene) -> str:
+    """What the stages of a scene's spheres are called by: "chain", "chains" or "crystal"."""
+    return "crystal" if scene.crystal else "chains" if scene.chains else "chain"
 
 
 def _begin_mesh_error(pipeline: Pipeline) -> None:
@@ -217,6 +226,23 @@ def summary_of(
         crystal = pipeline("crystal-numbers")
         numbers |= crystal.numbers | {"error_estimate": ErrorEstimate(time=crystal.time_error)}
         sentences += crystal.warnings
+
+    # several chains: the error of the reduction holds for all contacts together
+    if scene.chains:
+        chains = pipeline("chains-numbers")
+        errors, each = {"time": chains.time_error}, chains.numbers["chains"]
+        if with_errors:
+            of_reduction = pipeline("chains-errors")
+            errors["reduction"] = of_reduction.largest
+            sentences += warnings.large_model_error("reduction", of_reduction.largest)
+            each = {
+                name: numbers.model_copy(
+                    update={"errors": ErrorEstimate(**errors | {"reduction": error})}
+                )
+                for (name, numbers), error in zip(each.items(), of_reduction.of_chains, strict=True)
+            }
+        numbers |= chains.numbers | {"chains": each, "error_estimate": ErrorEstimate(**errors)}
+        sentences += chains.warnings
 
     # the assembly, or a wall from a file
     if structure:

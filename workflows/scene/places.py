@@ -53,8 +53,8 @@ def has_friction(scene: "Scene") -> bool:
 
 
 def named_faces(scene: "Scene") -> dict[str, str]:
-    """Selectors of the faces of shakers, sensors, masses, springs and measured parts, by their
-    names in the mesh."""
+    """Selectors of the faces of shakers, sensors, masses, springs, measured parts and of several
+    chains, by their names in the mesh."""
     functionals = {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
     masses = {mass_face(mass.name): mass.on for mass in scene.masses or ()}
     ends = {
@@ -63,7 +63,13 @@ def named_faces(scene: "Scene") -> dict[str, str]:
         for end in spring.ends
     }
     parts = {part_face(part.name): part.on for part in scene.measured or ()}
-    return functionals | masses | ends | parts
+    chains = {chain_face(row.name): row.on for row in scene.chains or ()}
+    return functionals | masses | ends | parts | chains
+
+
+def chain_face(name: str) -> str:
+    """Name in the mesh of the face that one of several chains leans on."""
+    return f"chain-{name}"
 
 
 def mass_face(name: str) -> str:

@@ -12,9 +12,9 @@ def with_chain(scene: Scene) -> Scene:
 
 
 def with_spheres(scene: Scene) -> Scene:
-    """A scene with a chain or a crystal."""
+    """A scene with a chain, with several, or with a crystal."""
     lacking = "[chain] and no [crystal]; add one, or take rig-1dof"
-    return _with(scene, scene.chain or scene.crystal, lacking)
+    return _with(scene, scene.chain or scene.chains or scene.crystal, lacking)
 
 
 def with_structure(scene: Scene) -> Scene:

@@ -24,6 +24,7 @@ from beadwave.workflows.scene.tables.bodies import (
     fitting,
 )
 from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload, Striker
+from beadwave.workflows.scene.tables.chains import ChainOnStructure
 from beadwave.workflows.scene.tables.contact import ContactTable
 from beadwave.workflows.scene.tables.crystal import CrystalTable
 from beadwave.workflows.scene.tables.damping import Damping
@@ -38,7 +39,7 @@ from beadwave.workflows.scene.tables.sensors import Output
 from beadwave.workflows.scene.tables.shakers import Shaker
 from beadwave.workflows.scene.tables.springs import SpringTable
 from beadwave.workflows.scene.tables.time import Time
-from beadwave.workflows.scene.tables.walls import Wall
+from beadwave.workflows.scene.tables.walls import RomWall, Wall
 
 LONGEST_NAME = 50  # four bytes a letter and an ending fit in the 255 of a file's name
 Several = Field(strict=False)
@@ -63,6 +64,7 @@ class Scene(SceneTable):
     # keys whose values are intended, outside of their usual range
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     chain: ChainTable | None = None
+    chains: Annotated[tuple[ChainOnStructure, ...], Field(strict=False, min_length=1)] | None = None
     crystal: CrystalTable | None = None
     striker: Striker | None = None
     contact: ContactTable | None = None
@@ -123,6 +125,26 @@ class Scene(SceneTable):
     def n_contacts(self) -> int:
         """Contacts of the chain, the wall's included."""
         return self.chain.count - (self.wall is None)
+
+    @property
+    def of_each_chain(self) -> dict[str, "Scene"]:
+        """A scene with each of [[chains]] alone, by its name: what the chain does not hold is this
+        scene's own table."""
+        return {row.name: self._of_chain(row) for row in self.chains or ()}
+
+    def _of_chain(self, row: ChainOnStructure) -> "Scene":
+        spheres = {key: getattr(row, key) for key in ChainTable.model_fields}
+        striker = row.striker and Striker.model_construct(velocity=row.striker.velocity)
+        return self.but(
+            chains=None,
+            chain=ChainTable.model_construct(**spheres),
+            striker=None if row.initial_velocity else striker or self.striker,
+            contact=row.contact or self.contact,
+            leaf_springs=row.leaf_springs or self.leaf_springs,
+            preload=row.preload or self.preload,
+            strike=Strike.model_construct(on=row.on, at=row.at, radius=row.patch_radius),
+            wall=RomWall.model_construct(kind="rom"),
+        )
 
     @property
     def written(self) -> "Scene":

@@ -82,7 +82,7 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
 
     # tables that the parts of the scene need and that it left out, at their defaults
     added: dict[str, Any] = {}
-    if scene.chain or scene.crystal:
+    if scene.chain or scene.chains or scene.crystal:
         added |= {"contact": ContactTable(), "time": Time(), "output": Output()}
     if scene.has_structure:
         kind = "craig-bampton" if scene.assembly is not None else "free-modes"
@@ -94,6 +94,18 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
         added["striker"] = fallen(scene, source)
     if scene.assembly is not None:
         added |= _structure(scene, tables, source)
+    if scene.chains:
+        if scene.strike is not None:
+            raise InvalidScene(
+                f"{source}: [strike] is of one [chain]; each of [[chains]] has its `on` and `at`, "
+                "drop it."
+            )
+        # the place that stages of one contact read is that of the first chain
+        first = next(iter(scene.of_each_chain.values()))
+        given = tables.get("reduction", {})
+        amount = {} if given.keys() & {"modes", "cutoff", "error"} else {"error": 1e-3}
+        reduction = Reduction(**{"kind": "free-modes", **amount, **given})
+        added |= {"strike": first.strike, "reduction": reduction}
 
     complete = in_folder(scene.model_copy(update=added), folder)
     complete = complete.model_copy(update={"unusual": unusual_keys(entries(complete)) or None})
@@ -130,7 +142,8 @@ def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, A
 def toml(scene: Scene) -> str:
     """The scene as TOML; reading it back gives the same scene."""
     unusual = unusual_keys(entries(scene.written)) or None
-    complete = scene.model_copy(update={"unusual": unusual})
+    update = {"unusual": unusual} | ({"strike": None} if scene.chains else {})
+    complete = scene.model_copy(update=update)
     return tomli_w.dumps(complete.model_dump(mode="python", exclude_none=True))
 
 
@@ -374,7 +387,8 @@ SENTENCES = {
     "model_type": "{key} = {shown} must be a table; write [{key}] with keys below it.",
 }
 LISTS_OF_TABLES = {("crystal", "inclusions")} | {
-    (name,) for name in ("shakers", "ties", "masses", "springs", "measured", "loads", "targets")
+    (name,)
+    for name in ("shakers", "ties", "masses", "springs", "measured", "loads", "targets", "chains")
 }
 SENTENCES["model_attributes_type"] = SENTENCES["model_type"]
 

@@ -271,30 +271,39 @@ function crystalOf(gl, scene, { rest, radius }) {
   return { mesh, set, recolour, corners: cornersOf(rest, radius) };
 }
 
+/** One chain along a direction: its last sphere touches the contact point, each lies before the
+    next. */
+function rowOf(radius, direction) {
+  let before = 0;
+  const centre = Array.from(radius);
+  for (let i = radius.length - 1; i >= 0; i--) {
+    centre[i] = -before - radius[i];
+    before += 2 * radius[i];
+  }
+  return {
+    rest: centre.flatMap((c) => direction.map((d) => d * c)), along: centre.flatMap(() => direction),
+  };
+}
+
+/** Spheres that move along lines: of one chain, or where `rest` and `along` (3 per sphere) say. */
 function ballsOf(gl, scene, chain, direction) {
   const radius = chain.radius;
   const n = radius.length;
   const { mesh, place, speed, changed, recolour } = instancesOf(gl, scene, radius);
-  // the last sphere touches the contact point; each one lies before the next
-  const centre = new Float32Array(n);
-  let before = 0;
-  for (let i = n - 1; i >= 0; i--) {
-    before += radius[i];
-    centre[i] = -before;
-    before += radius[i];
-  }
+  const { rest, along } = chain.rest ? chain : rowOf(radius, direction);
 
   /** Displacements x (n) towards the wall times a factor, coloured by velocities v over `most`. */
   function set(x, factor, v, most) {
     for (let i = 0; i < n; i++) {
-      const along = centre[i] + factor * x[i];
-      for (let j = 0; j < 3; j++) place[4 * i + j] = along * direction[j];
+      for (let j = 0; j < 3; j++) {
+        place[4 * i + j] = rest[3 * i + j] + factor * x[i] * along[3 * i + j];
+      }
       speed[i] = v[i];
     }
     changed(most);
   }
 
-  const corners = cornersOf(Array.from(centre).flatMap((c) => direction.map((d) => d * c)), radius);
+  const corners = cornersOf(rest, radius);
   set(new Float32Array(n), 0, speed, 1);
   return { mesh, set, recolour, corners };
 }

@@ -22,6 +22,7 @@ from beadwave.workflows.scene.rules.bodies import (
     of_test_axes,
     without_assembly,
 )
+from beadwave.workflows.scene.rules.chains import of_chains
 from beadwave.workflows.scene.rules.crystal import of_crystal
 from beadwave.workflows.scene.rules.friction import of_friction, of_gravity
 from beadwave.workflows.scene.rules.rig import of_the_rig
@@ -45,6 +46,9 @@ def contradictions(scene: Scene) -> Iterator[str]:
         yield from of_crystal(scene)
         yield from _of_time(scene)
         return  # the other rules are of chains and structures
+    if scene.chains:
+        yield from of_chains(scene)
+        yield from _of_time(scene)
     yield from _missing_parts(scene)
     yield from of_bending(scene)
     if isinstance(scene.assembly, RigTable):

@@ -147,10 +147,9 @@ def _planes(scene: Scene, centre, radius, axis: int, last) -> list[space.Plane]:
     planes = []
     if scene.wall is not None:
         material, along = flat(scene), np.eye(3)[axis]
+        point = 0 if isinstance(scene.wall, OneDofWall) else None
         gap = (centre[last, axis] + radius[last]).max() - centre[last, axis] - radius[last]
-        planes.append(
-            space.Plane(last, along, -gap, *material, moves=isinstance(scene.wall, OneDofWall))
-        )
+        planes.append(space.Plane(last, along, -gap, *material, point=point))
     if scene.crystal.sides == "rigid":
         for across in range(axis):
             for sign in (-1.0, 1.0):

@@ -69,6 +69,11 @@ def has_chain(scene: Scene) -> bool:
     return bool(scene.chain)
 
 
+def has_chains(scene: Scene) -> bool:
+    """True of several chains on one structure."""
+    return bool(scene.chains)
+
+
 def has_crystal(scene: Scene) -> bool:
     """True of a crystal."""
     return scene.crystal is not None
@@ -177,7 +182,20 @@ def _dimensions(scene: Scene) -> Any:
         tables |= {"strike": [scene.strike.on, scene.strike.at], "grids": grids}
     if faces := sorted(named_faces(scene).items()):
         tables |= {"faces": faces}
+    if scene.chains:
+        tables |= {"places": _places(scene)}
     return tables
+
+
+def _places(scene: Scene) -> Any:
+    """Places that several chains strike."""
+    return [(row.name, row.on, row.at, row.patch_radius) for row in scene.chains or ()]
+
+
+def _each_chain(scene: Scene) -> Any:
+    """Input of a march of several chains besides the structure."""
+    tables = tables_of("chains", "striker", "contact", "leaf_springs", "preload")
+    return [tables(scene), _marched(scene)]
 
 
 def content(path: str | Path) -> str | None:
@@ -305,6 +323,15 @@ STAGES = (
     ),
     Stage("reduction", ".structure.bending:reduction", tables_of("reduction"), ("model",), bent),
     Stage(
+        "chain-contacts", ".structure.several:contacts", _places, ("mesh", "model"),
+        when=has_chains,
+    ),
+    Stage(
+        "reduction", ".structure.several:reduction",
+        lambda scene: [_reduced(scene), _places(scene)],
+        ("model", "contact", "modes", "chain-contacts"), when=has_chains, means=("factor",),
+    ),
+    Stage(
         "reduction", ".structure.reduction:reduction", _reduced, ("model", "contact", "modes"),
         means=("factor", "krylov-space", "half-space"),
     ),
@@ -422,6 +449,39 @@ STAGES = (
     Stage(
         "chain-numbers", ".chain.chain_numbers:chain_numbers", _marched,
         ("start", "wall", "impact", "waves"), listed=False,
+    ),
+    # several chains
+    Stage(
+        "structure", ".chain.several:structure", _wall_reads, ("reduction", "chain-contacts"),
+        when=has_chains, kept=False, listed=False,
+    ),
+    Stage(
+        "chains", ".chain.several:start", _each_chain, ("chain-contacts", "structure"),
+        when=has_chains, kept=False, listed=False,
+    ),
+    Stage(
+        "chains-march", ".chain.several:march", _each_chain, ("chains", "structure"),
+        when=has_chains,
+    ),
+    Stage(
+        "chains-waves", ".chain.several:waves", _observed, ("chains", "structure", "chains-march"),
+        when=has_chains,
+    ),
+    Stage(
+        "chains-errors", ".chain.several:reduction_errors", _marched,
+        ("chains", "structure", "chains-march", "reduction", "chain-contacts"), when=has_chains,
+    ),
+    Stage(
+        "chains-numbers", ".chain.several_numbers:chains_numbers", _marched,
+        ("chains", "structure", "chains-march", "chains-waves"), when=has_chains, listed=False,
+    ),
+    Stage(
+        "chains-files", ".chain.several_numbers:chains_files", tables_of("output"),
+        ("chains", "structure", "chains-march"), when=has_chains, listed=False,
+    ),
+    Stage(
+        "chains-figures", ".pages.figures:of_chains", _observed, ("chains-march", "chains-waves"),
+        when=has_chains,
     ),
     # a crystal
     Stage(
@@ -556,6 +616,11 @@ STAGES = (
     Stage(
         "page", ".pages.page:data", _shown, ("chain-files", "chain-numbers"),
         when=has_chain, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown,
+        ("chains-files", "chains-numbers", "model-files", "response-files", "structure-numbers"),
+        when=has_chains, listed=False,
     ),
     Stage(
         "page", ".pages.page:data", _shown, ("crystal-files", "crystal-numbers"),

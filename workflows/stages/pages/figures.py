@@ -18,6 +18,7 @@ from beadwave.workflows.scene import Scene
 if TYPE_CHECKING:
     from beadwave.coupling.sensors import SensorRecord  # scipy's filters, a second
     from beadwave.dem.lateral import LateralTrajectory
+    from beadwave.dem.space import RowRun, SpaceTrajectory
 
 
 def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, ...]:
@@ -28,6 +29,29 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
         Picture("velocities", velocities(impact.trajectory, observed, waves.labels)),
         Picture("waves", space_time(impact.trajectory, waves.tracks)),
         Picture("energies", energies(impact.trajectory._asdict())),
+    )
+
+
+def of_chains(
+    scene: Scene, march: "SpaceTrajectory", waves: "tuple[tuple[RowRun, ChainWaves], ...]"
+) -> tuple[Picture, ...]:
+    """Figures of several chains: forces at the structure, a map over time of each, energies."""
+    names = [row.name for row in scene.chains]
+    lines = [
+        Line(name, 1e3 * run.t, run.contact_force[:, -1], None, i, 1.2)
+        for i, (name, (run, _)) in enumerate(zip(names, waves, strict=True))
+    ]
+    forces = Panel("", "time [ms]", "force at the\nstructure [N]", lines, legend="above")
+    figure, axes = plots.subplots(len(names), 1, (8, 1.0 + 2.6 * len(names)), sharex=True)
+    for axis, name, (run, mine) in zip(axes, names, waves, strict=True):
+        tracked(axis, run, mine.tracks)
+        axis.set_title(name, fontsize=9, loc="left")
+    for axis in axes[:-1]:
+        axis.set_xlabel("")
+    return (
+        Picture("forces", plots.panels([forces], size=(8, 3.2))),
+        Picture("waves", plots.png(figure)),
+        Picture("energies", energies(march._asdict())),
     )
 
 
@@ -138,6 +162,12 @@ def _name(wave: Label | WaveTrack) -> str:
 def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
     """PNG: velocity of every sphere over time as a map, with the tracks of the waves."""
     figure, (axis,) = plots.subplots(1, 1, (8, 4.6))
+    tracked(axis, run, tracks)
+    return plots.png(figure)
+
+
+def tracked(axis: plots.Axes, run, tracks: Iterable[WaveTrack]) -> None:
+    """Velocity of every sphere over time as a map, with the tracks of the waves."""
     plots.space_time(axis, run.t, run.v)
     limits = axis.get_xlim(), axis.get_ylim()
     late = 1e3 * (0.97 * run.t[-1] + 0.03 * run.t[0])
@@ -152,7 +182,6 @@ def space_time(run, tracks: Iterable[WaveTrack]) -> bytes:
             bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "linewidth": 0},
         )  # fmt: skip
     axis.set(xlim=limits[0], ylim=limits[1])
-    return plots.png(figure)
 
 
 def energies(run: dict[str, np.ndarray]) -> bytes:

@@ -17,13 +17,14 @@ from beadwave import fem
 from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
+from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
 from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.step import require_step
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.body_shapes import grid_lines, shapes
-from beadwave.workflows.scene.places import named_faces, part_face, spring_face
+from beadwave.workflows.scene.places import chain_face, named_faces, part_face, spring_face
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
@@ -122,25 +123,17 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
         bolted = bolted_places(scene, selection, bodies)
         joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
         pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
-        face = struck(scene, bodies, selection.struck) if scene.strike else None
         named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
+        hits = _hits(scene, layout, selection)
+        face = hits[0][0] if hits else None
         if face:
-            # another body on the face at the point struck would be struck in its place
-            body, radius = face.face.body, scene.strike.radius
-            points = around(face.point, face.outward, radius)
-            if over := near.over(body, points, bodies, gap):
-                raise InvalidScene(
-                    f'{scene.name}: strike.on = {scene.strike.on!r}: "{over}" lies on {body} at '
-                    f"the point struck, {np.round(face.point, 6).tolist()} m, or less than "
-                    f"{radius:g} m next to it; move it by strike.at."
-                )
             named[STRIKE] = face.face
 
         sizing = Sizing(
             gap,
             scene.mesh.scale,
             {name: scene.seed_of(name) for name in bodies},
-            [(face.face.body, face.point, scene.strike.size)] if face else [],
+            [(hit.face.body, hit.point, size) for hit, size in hits],
             coarser,
             "tet" if scene.mesh.element == "tet" else None,
             sizes.fields,
@@ -160,6 +153,38 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", whole.nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")
     return whole
+
+
+def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[Struck, float]]:
+    """Places that are struck, with the size of elements [m] there: that of the scene, or of each of
+    several chains in their order. Raises InvalidScene where another body lies on one."""
+    several = scene.of_each_chain
+    if not several:
+        strikes = {"strike": (scene, selection.struck)} if scene.strike else {}
+    else:
+        strikes = {
+            f"chains.{name}": (one, selection.faces[chain_face(name)])
+            for name, one in several.items()
+        }
+    hits = []
+    for key, (one, selected) in strikes.items():
+        try:
+            hit = struck(one, layout.bodies, selected)
+        except InvalidScene as error:
+            radius = "radius" if key == "strike" else "patch_radius"
+            words = str(error).replace("strike.radius", f"{key}.{radius}")
+            raise InvalidScene(words.replace("strike.", f"{key}.")) from None
+        # another body on the face at the point struck would be struck in its place
+        body, radius = hit.face.body, one.strike.radius
+        points = around(hit.point, hit.outward, radius)
+        if over := layout.near.over(body, points, layout.bodies, scene.assembly.gap):
+            raise InvalidScene(
+                f'{scene.name}: {key}.on = {one.strike.on!r}: "{over}" lies on {body} at '
+                f"the point struck, {np.round(hit.point, 6).tolist()} m, or less than "
+                f"{radius:g} m next to it; move it by {key}.at."
+            )
+        hits.append((hit, one.strike.size))
+    return hits
 
 
 def tied_pairs(scene: Scene, layout: Drawing, selection: NamedParts) -> list[TouchingPair]:

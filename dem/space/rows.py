@@ -1,0 +1,159 @@
+"""Rows of spheres that lean on points of one structure: chains in space, coupled through it.
+
+Each row moves along its direction alone, into the structure. A first sphere that comes later than
+the others' stands farther off by its velocity times the delay.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from beadwave.dem.chain import Chain
+from beadwave.dem.checks import InvalidChain, require
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.prepared import prepare
+from beadwave.dem.space.kernel import Numbers
+from beadwave.dem.space.march import SpaceTrajectory
+from beadwave.dem.space.packing import MOVING, Packing, line_guides
+from beadwave.dem.space.structure import Structure
+from beadwave.dem.walls import Wall
+
+
+class Row(NamedTuple):
+    """A chain in space; its last sphere leans on a point of the structure, of its own."""
+
+    chain: Chain
+    velocity: Array  # (n,) [m/s] at the start
+    at: Array  # (3,) [m] where it touches the structure
+    direction: Array  # (3,) into the structure
+    delay: float = 0.0  # [s] after which the first sphere arrives at the second
+
+
+class Rows(NamedTuple):
+    """The rows as one packing, in their order."""
+
+    packing: Packing
+    velocity: Array  # (s, 3) [m/s]
+    row: Numbers  # (s,) of each sphere, from 0
+    direction: Array  # (s, 3) unit vectors
+    start: Array  # (s,) [m] along it, from where a sphere touches the next at rest
+    contact: Numbers  # (s,) the contact behind each sphere, at the structure of the last of a row
+
+
+class RowRun(NamedTuple):
+    """One row of a march, as a `dem.Trajectory` has it; k saves of n spheres."""
+
+    t: Array  # (k,) [s]
+    x: Array  # (k, n) [m]
+    v: Array  # (k, n) [m/s]
+    contact_force: Array  # (k, n) [N]
+    wall_x: Array  # (k,) [m] of its point from rest
+    wall_v: Array  # (k,) [m/s]
+
+
+def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
+    """Rows before they are struck; row i leans on point i of the structure, along its first
+    direction. Raises InvalidChain for chains of laws that are not marched here, NoEquilibrium for
+    a preload that nothing holds."""
+    parts = [_at_rest(row, structure, i) for i, row in enumerate(rows)]
+    counts = [len(row.chain.mass) for row in rows]
+    n = sum(counts)
+    of_row = np.repeat(np.arange(len(rows)), counts)
+    last = np.cumsum(counts) - 1
+    sphere = np.arange(n)
+    inner = np.setdiff1d(sphere, last)
+
+    # contacts of two spheres first, then those with the structure
+    contact = np.empty(n, np.int64)
+    contact[inner], contact[last] = np.arange(inner.size), inner.size + np.arange(last.size)
+    order = np.concatenate([inner, last])
+    direction = np.array([row.direction / np.linalg.norm(row.direction) for row in rows])[of_row]
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    way = joined["place"]
+    rest = np.array([row.at for row in rows])[of_row] + way[:, None] * direction
+    arm = direction[order].copy()
+    arm[: inner.size] *= (way[inner + 1] - way[inner])[:, None]
+    second = np.concatenate([inner + 1, MOVING - np.arange(len(rows))])
+
+    laws = {row.chain.dissipation for row in rows if np.any(row.chain.gamma)}
+    require(len(laws) < 2, f"rows are damped by {' and '.join(sorted(laws))}; give all one law")
+    fields = {}
+    if laws:
+        fields = {"dissipation": laws.pop(), "gamma": joined["gamma"][order]}
+    if joined["leaf"].any():
+        fields["leaf"] = joined["leaf"]
+    load = joined["load"][:, None] * direction
+    packing = Packing(
+        rest, joined["radius"], joined["mass"], np.column_stack([order, second]), inner.size, arm,
+        joined["overlap"][order], joined["A"][order], np.zeros(n), guides=line_guides(direction),
+        load=load if load.any() else None, **fields,
+    )  # fmt: skip
+    velocity = joined["velocity"][:, None] * direction
+    return Rows(packing, velocity, of_row, direction, joined["start"], contact)
+
+
+def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
+    """Arrays (n,) of a row at rest: of its spheres, and of the contact behind each."""
+    chain, n = row.chain, len(row.chain.mass)
+    require(len(chain.A) == n, "a row leans on a structure; give its last contact")
+    for name, given in {
+        "a law other than Hertz'": chain.exponent is not None or chain.table is not None,
+        "yield": chain.yield_overlap is not None,
+        "friction of guides": chain.slides,
+        "weight": chain.gravity != 0.0,
+    }.items():
+        if given:
+            raise InvalidChain(f"rows on one structure are not marched with {name}; leave it out")
+    require(row.delay >= 0.0, f"the delay is {row.delay:g} s; give 0 s or more")
+
+    # forces at rest: of this row alone, as those of leaf springs change by what the structure gives
+    # way under the others' preloads, some 1e-8 m, alone
+    phi = structure.phi[np.flatnonzero(structure.point == point)[0]]
+    wall = Wall(structure.omega, structure.zeta, phi, structure.residual[point, 0])
+    static = prepare(chain, wall).static
+    force = static.force
+    # leaf springs may hold spheres apart; of those that press the difference of places would lose
+    # digits
+    gap = -np.diff(static.x, append=wall.phi @ static.q)
+    overlap = np.where(force > 0.0, chain.elastic.overlap(force), np.minimum(gap, 0.0))
+    overlap[-1] += structure.residual[point, 0] * force[-1]
+    apart = np.zeros(n)
+    if row.delay > 0.0:
+        require(
+            row.velocity[0] > 0.0 and not chain.springs[0][0] and force[0] == 0.0,
+            "a first sphere that comes later needs a velocity and nothing that holds it; drop its "
+            "delay or its spring",
+        )
+        apart[0] = -row.velocity[0] * row.delay
+        overlap[0] += apart[0]
+
+    # places along the direction from the point on the structure
+    R = chain.radius
+    between = np.append(R[:-1] + R[1:], R[-1]) - np.append(overlap[:-1], overlap[-1])
+    before = np.concatenate([[0.0], force[:-1]])
+    return {
+        "place": -np.cumsum(between[::-1])[::-1],
+        "radius": np.asarray(R, float),
+        "mass": np.asarray(chain.mass, float),
+        "A": np.asarray(chain.A, float),
+        "gamma": np.broadcast_to(0.0 if chain.gamma is None else chain.gamma, n),
+        "leaf": chain.springs[0],
+        "load": force - before,
+        "overlap": overlap,
+        "velocity": np.asarray(row.velocity, float),
+        "start": apart,
+    }
+
+
+def row_runs(rows: Rows, structure: Structure, march: SpaceTrajectory) -> tuple[RowRun, ...]:
+    """Each row of a march that saved all spheres."""
+    x = np.einsum("ksx,sx->ks", march.displacement, rows.direction) + rows.start
+    v = np.einsum("ksx,sx->ks", march.velocity, rows.direction)
+    force = march.pair_force[:, rows.contact]
+    runs = []
+    for i in range(rows.row[-1] + 1):
+        mine, direction = rows.row == i, np.flatnonzero(structure.point == i)[0]
+        of_wall = march.wall_x[:, direction], march.wall_v[:, direction]
+        runs.append(RowRun(march.t, x[:, mine], v[:, mine], force[:, mine], *of_wall))
+    return tuple(runs)

@@ -1,0 +1,117 @@
+"""Structures that packings lean on: modes that move the points where spheres touch them.
+
+    q'' + 2 zeta omega q' + omega^2 q = Phi F,    U = Phi^T q + S F
+
+Each point moves along its directions, one or more rows of Phi. What points feel of each other, the
+static response included, is in the modes; S is diagonal and in series with each contact: minus the
+half-space that Hertz' law holds along the normal, and Mindlin's across it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from beadwave.dem.checks import InvalidChain, require, vector
+from beadwave.dem.kernels import oscillators
+from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.space.kernel import Numbers, StructureModes
+from beadwave.dem.space.packing import MOVING, Packing
+from beadwave.dem.walls import Wall
+
+
+class Structure(NamedTuple):
+    """k modes that move p points along r directions."""
+
+    omega: Array  # (k,) [rad/s]
+    zeta: Array  # (k,)
+    phi: Array  # (r, k) [kg^-1/2] mass-normalised
+    point: Numbers  # (r,) whose direction it is, from 0, ascending
+    direction: Array  # (r, 3) unit vectors, those of a point orthogonal
+    residual: Array  # (p, 2) [m/N] in series with the contact at a point, normal and tangential
+
+    @property
+    def n_points(self) -> int:
+        """Points that spheres may touch."""
+        return len(self.residual)
+
+
+def structure_of_wall(wall: Wall, normal: Array) -> Structure:
+    """The structure of one point that moves along a normal (3,) as a wall of modes."""
+    return Structure(
+        np.asarray(wall.omega, float),
+        np.asarray(wall.zeta, float),
+        np.ascontiguousarray(np.atleast_2d(wall.phi), float),
+        np.zeros(1, np.int64),
+        np.atleast_2d(np.asarray(normal, float)),
+        np.array([[wall.residual_compliance, 0.0]]),
+    )
+
+
+def structure_behind(packing: Packing, wall: Wall | Structure | None) -> Structure | None:
+    """What a packing leans on, of a wall with one point along the normal of its contacts; None
+    where nothing moves. Raises InvalidChain for numbers that do not fit together."""
+    leaning = packing.pairs[:, 1] <= MOVING
+    if isinstance(wall, Wall):
+        require(
+            wall.mobility == 0.0,
+            "a packing leans on a wall of modes alone; leave out mobility",
+        )
+        if not wall.omega.size or not leaning.any():
+            return None
+        wall = structure_of_wall(wall, packing.arm[leaning][0])
+    if wall is None:
+        return None
+    r, k = wall.phi.shape
+    vector("omega of the structure", wall.omega, k, at_least=0.0)
+    vector("zeta of the structure", wall.zeta, k, at_least=0.0)
+    vector("phi of the structure", wall.phi.ravel(), r * k)
+    vector("residual of the structure", wall.residual.ravel(), 2 * wall.n_points)
+    if leaning.any() and MOVING - packing.pairs[:, 1].min() >= wall.n_points:
+        raise InvalidChain(
+            f"spheres touch the point {MOVING - packing.pairs[:, 1].min()} of a structure that has "
+            f"{wall.n_points}, counted from 0"
+        )
+    if packing.yield_overlap is not None and np.any(wall.residual):
+        raise InvalidChain(
+            "contacts that yield are not marched with a residual compliance in series; leave out "
+            "yield_overlap"
+        )
+    return wall
+
+
+def residuals(packing: Packing, structure: Structure | None) -> Array:
+    """(2, c) [m/N] in series with each contact, normal and tangential; 0 of two spheres."""
+    of_contacts = np.zeros((2, len(packing.A)))
+    if structure is not None:
+        second = packing.pairs[:, 1]
+        leaning = second <= MOVING
+        of_contacts[:, leaning] = structure.residual[MOVING - second[leaning]].T
+    return of_contacts
+
+
+def rest_forces(packing: Packing, structure: Structure) -> Array:
+    """Forces (r,) [N] of the contacts at rest on the points along their directions."""
+    from beadwave.dem.kernels.laws import hertz_indentation
+
+    residual, force = residuals(packing, structure)[0], np.zeros(len(structure.phi))
+    for c in np.flatnonzero((packing.pairs[:, 1] <= MOVING) & (packing.overlap > 0.0)):
+        d = hertz_indentation.py_func(packing.overlap[c], packing.A[c], residual[c])
+        rows = structure.point == MOVING - packing.pairs[c, 1]
+        force[rows] += packing.A[c] * d**1.5 * structure.direction[rows] @ packing.arm[c]
+    return force
+
+
+def modes_in_march(packing: Packing, structure: Structure, spans: Array) -> StructureModes:
+    """The structure as the kernel moves it, about its displacement at rest; spans [s] of drifts."""
+    omega, phi = structure.omega, np.ascontiguousarray(structure.phi)
+    r, k = phi.shape
+    rest = rest_forces(packing, structure)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        static = np.where(omega > 0.0, rest @ phi / omega**2, 0.0)
+    start = np.searchsorted(structure.point, np.arange(structure.n_points + 1))
+    return StructureModes(
+        np.zeros(k), np.zeros(k), phi, np.ascontiguousarray(omega), static,
+        oscillators.propagators(spans, omega, structure.zeta), phi @ phi.T,
+        np.ascontiguousarray(structure.direction), start.astype(np.int64), rest, np.zeros(r),
+        np.zeros(r), np.zeros((2, r)), np.zeros(1),
+    )  # fmt: skip

@@ -1,0 +1,149 @@
+"""Chains on points of one structure: beside the chain's own engine, DOP853, and by symmetry."""
+
+import numpy as np
+import pytest
+
+from beadwave import dem
+from beadwave.dem import space
+
+from rows_reference import rows_reference
+
+R, RHO, E, NU = 6e-3, 7800.0, 210e9, 0.3
+STEEL = dem.Flat(210e9, 0.3)
+LEFT, RIGHT = np.array([0.0, 0.0, -1.0]), np.array([0.8, 0.6, 0.0])
+
+
+def chain(n, **fields):
+    return dem.row_of_spheres(R, RHO, E, NU, count=n, flat=STEEL, **fields)
+
+
+def striking(n, speed):
+    return np.eye(n)[0] * speed
+
+
+def structure(phi, omega, zeta, residual):
+    phi = np.atleast_2d(phi)
+    p = len(phi)
+    directions = np.array([LEFT, RIGHT])[:p]
+    return space.Structure(
+        np.asarray(omega, float), np.asarray(zeta, float), phi, np.arange(p), directions,
+        np.column_stack([residual, np.zeros(p)]),
+    )  # fmt: skip
+
+
+def rows_on(chains, velocities, delays, behind):
+    given = zip(chains, velocities, (LEFT, RIGHT), delays, strict=False)
+    return space.rows_of(
+        [space.Row(c, v, np.zeros(3), d, t) for c, v, d, t in given], behind
+    )  # fmt: skip
+
+
+OMEGA = 2 * np.pi * np.array([900.0, 2600.0, 7100.0, 19e3])
+ZETA = np.array([0.01, 0.02, 0.0, 0.3])
+PHI = np.array([[1.3, -0.7, 2.0, 5.0], [0.9, 1.5, -1.1, 3.0]])
+SERIES = np.array([-1.2e-9, -0.8e-9])
+PARTS = {
+    "bare": {},
+    "damped": {"dissipation": "hunt-crossley", "gamma": 0.4},
+    "held": {"preload": 20.0, "leaf_stiffness": np.full(5, 4e3)},
+}
+
+
+@pytest.mark.parametrize("parts", PARTS)
+def test_a_row_that_feels_no_other_is_the_chain_on_its_wall(parts):
+    """The other row's modes do not move its point: both engines within their errors."""
+    apart = np.zeros((2, 8))
+    apart[0, :4], apart[1, 4:] = PHI
+    behind = structure(apart, np.tile(OMEGA, 2), np.tile(ZETA, 2), SERIES)
+    chains, velocities = [chain(5, **PARTS[parts])] * 2, [striking(5, 0.3), striking(5, 0.2)]
+    rows = rows_on(chains, velocities, (0.0, 0.0), behind)
+    run = {"duration": 6e-4, "error": 1e-6, "n_save": 300}
+    mine = space.march_to_error(rows.packing, behind, rows.velocity, **run)
+    for i, of_row in enumerate(space.row_runs(rows, behind, mine)):
+        wall = dem.Wall(OMEGA, ZETA, PHI[i], SERIES[i])
+        alone = dem.march_to_error(chains[i], wall, velocities[i], **run).trajectory
+        # 1e-6 of the largest velocity by each engine; a factor of 2 for two marches
+        assert np.abs(of_row.v - alone.v).max() < 4e-6 * 0.3
+        assert np.abs(of_row.wall_v - alone.wall_v).max() < 4e-6 * 0.3
+        peak = alone.contact_force.max()
+        assert np.abs(of_row.contact_force - alone.contact_force).max() < 2e-5 * peak
+        assert np.abs(of_row.x - (alone.x - alone.x[0])).max() < 1e-6 * 0.3 * 6e-4 * 4
+    assert mine.energy_error < 1e-8
+
+
+def test_two_rows_that_feel_each_other_meet_dop853_within_the_stated_error():
+    behind = structure(PHI, OMEGA, ZETA, SERIES)
+    chains, velocities = [chain(4), chain(3)], [striking(4, 0.3), striking(3, 0.25)]
+    delays = 0.0, 4e-5
+    rows = rows_on(chains, velocities, delays, behind)
+    error = 1e-5
+    mine = space.march_to_error(
+        rows.packing, behind, rows.velocity, duration=4e-4, error=error, n_save=100
+    )
+    x, v = rows_reference(chains, velocities, delays, behind, mine.t)
+    runs = space.row_runs(rows, behind, mine)
+    of_mine = np.hstack([run.v for run in runs])
+    true = np.abs(of_mine - v).max() / 0.3
+    assert true < mine.error_estimate < 1.01 * error
+    assert np.abs(np.hstack([run.x for run in runs]) - x).max() < error * 0.3 * 4e-4
+    # and not so without what the points feel of each other
+    deaf = structure(PHI * [[1, 1, 1, 1], [0, 0, 0, 0]], OMEGA, ZETA, SERIES)
+    alone = space.march_to_error(
+        rows.packing, deaf, rows.velocity, duration=4e-4, error=error, n_save=100
+    )
+    other = np.hstack([run.v for run in space.row_runs(rows, deaf, alone)])
+    assert np.abs(other - v).max() / 0.3 > 0.01
+
+
+def test_mirrored_rows_are_one_on_the_symmetric_modes():
+    """Of a symmetric structure each symmetric participation counts sqrt 2 times, and the residual
+    is S11 + S12: here S12 = 0 as it is in the modes."""
+    phi = np.array([[1.3, 0.7, 2.0, 5.0], [1.3, -0.7, 2.0, -5.0]])
+    behind = structure(phi, OMEGA, ZETA, np.full(2, -1e-9))
+    rows = rows_on([chain(5)] * 2, [striking(5, 0.3)] * 2, (0.0, 0.0), behind)
+    run = {"duration": 6e-4, "error": 1e-6, "n_save": 300}
+    mine = space.row_runs(
+        rows, behind, space.march_to_error(rows.packing, behind, rows.velocity, **run)
+    )
+    half = dem.Wall(OMEGA[[0, 2]], ZETA[[0, 2]], np.sqrt(2) * phi[0, [0, 2]], -1e-9)
+    one = dem.march_to_error(chain(5), half, striking(5, 0.3), **run).trajectory
+    for row in mine:
+        assert np.abs(row.v - one.v).max() < 4e-6 * 0.3
+
+
+def test_a_row_that_comes_later_has_its_waves_later():
+    """On a wall that does not move the second row is the first one, later by its delay."""
+    behind = structure(np.zeros((2, 1)), [1e4], [0.0], np.zeros(2))
+    delay = 1e-4
+    rows = rows_on([chain(4)] * 2, [striking(4, 0.3)] * 2, (0.0, delay), behind)
+    march = space.march_to_error(
+        rows.packing, behind, rows.velocity, duration=6e-4, error=1e-6, n_save=600
+    )
+    first, second = space.row_runs(rows, behind, march)
+    n = 100  # saves of 1 us
+    assert np.abs(second.v[n:] - first.v[:-n]).max() < 4e-6 * 0.3
+    assert np.abs(second.x[n:] - first.x[:-n]).max() < 1e-9
+    assert second.x[0, 0] == pytest.approx(-0.3 * delay, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"yield_overlap": np.full(3, 1e-6)}, "yield"),
+        ({"exponent": np.full(3, 1.5)}, "a law other than Hertz'"),
+        ({"friction": np.full(3, 0.1)}, "friction of guides"),
+        ({"gravity": 9.81}, "weight"),
+    ],
+)
+def test_rows_of_laws_that_are_not_marched_are_refused(fields, words):
+    behind = structure(PHI, OMEGA, ZETA, SERIES)
+    with pytest.raises(dem.InvalidChain, match=words):
+        rows_on([chain(3)._replace(**fields)], [striking(3, 0.1)], (0.0,), behind)
+
+
+def test_contacts_that_the_structure_does_not_answer_are_refused():
+    with pytest.raises(dem.InvalidChain, match="the point 1 of a structure that has 1"):
+        behind = structure(PHI[:1], OMEGA, ZETA, SERIES[:1])
+        two = structure(PHI, OMEGA, ZETA, SERIES)
+        rows = rows_on([chain(3)] * 2, [striking(3, 0.1)] * 2, (0.0, 0.0), two)
+        space.march(rows.packing, behind, rows.velocity, duration=1e-4, dt=1e-6)

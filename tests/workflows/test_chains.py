@@ -1,0 +1,176 @@
+"""Several chains on one structure from their scene to their files, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import beadwave
+from beadwave import InvalidScene
+from beadwave.coupling.reduced_structure import structure_of
+from beadwave.dem import space
+from beadwave.rom import full_order
+from beadwave.workflows.report.packing import unpacked
+from beadwave.workflows.report.page_data import page_data
+from beadwave.workflows.stages.chain.several import start
+from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
+
+from command_line import beadwave as command
+
+SPHERES = {"radius": 6e-3, "material": "bearing-steel"}
+PLATE = {
+    "assembly": {"held": ["plate:-x"], "material": "steel"},
+    "bodies": {"plate": {"box": [0.08, 0.05, 0.01]}},
+    "mesh": {"scale": 3.0},
+    "damping": {"kind": "modal", "ratio": 0.005},
+    "time": {"duration": 4e-4, "error": 1e-5},
+    "output": {"samples": 401, "spheres": [2]},
+}
+TOP = {"name": "top", "on": "plate:+z", "at": [0.01, 0.0], "count": 4, **SPHERES,
+       "striker": {"velocity": 0.3}}  # fmt: skip
+END = {"name": "end", "on": "plate:+x", "count": 3, **SPHERES,
+       "striker": {"velocity": 0.2, "time": 3e-5}}  # fmt: skip
+TWO = PLATE | {"chains": [TOP, END]}
+
+
+@pytest.fixture(scope="module")
+def struck():
+    return beadwave.impact(TWO)
+
+
+def test_arrays_hold_all_chains_in_order_and_the_summary_each_by_its_name(struck):
+    a, summary = struck.arrays, struck.summary
+    shapes = {"x": (401, 7), "v": (401, 7), "contact_force": (401, 7), "chain": (7,),
+              "wall_x": (401, 2), "rest": (7, 3), "error_v": (7,)}  # fmt: skip
+    assert {name: a[name].shape for name in shapes} == shapes
+    assert a["chain"].tolist() == [0] * 4 + [1] * 3
+    assert a["v"][0].tolist() == [0.3, 0, 0, 0, 0.2, 0, 0]
+    assert a["x"][0, 4] == pytest.approx(-0.2 * 3e-5)
+    assert set(summary.chains) == {"top", "end"}
+    for name, last in (("top", 3), ("end", 6)):
+        chain = summary.chains[name]
+        assert chain.peak_wall_force_N == pytest.approx(a["contact_force"][:, last].max())
+        assert set(chain.waves) == {"2"} and chain.errors.time <= 1e-5
+        assert 0.0 < chain.errors.reduction < 2e-3
+    # the last spheres touch the faces that they lean on
+    np.testing.assert_allclose(a["rest"][3] - [0.0, 0.0, 6e-3], [0.01, 0.0, 0.005], atol=1e-12)
+    np.testing.assert_allclose(a["rest"][6] - [6e-3, 0.0, 0.0], [0.04, 0.0, 0.0], atol=1e-12)
+    # forces move spheres: impulse of what presses a sphere from both sides
+    mass = 7850 * 4 / 3 * np.pi * 6e-3**3
+    net = np.trapezoid(a["contact_force"][:, 0] - a["contact_force"][:, 1], a["t"])
+    assert net == pytest.approx((a["v"][-1, 1] - a["v"][0, 1]) * mass, rel=0.02)
+    assert summary.energy_error < 1e-7
+    data = struck.data
+    assert data.v.where(data.chain == 1, drop=True).sizes["sphere"] == 3
+
+
+def test_one_of_several_is_the_chain_alone_on_the_structure():
+    """Another reduction and another march of the same: within the errors that both state."""
+    several = beadwave.impact(PLATE | {"chains": [TOP]})
+    alone = PLATE | {
+        "chain": {key: TOP[key] for key in ("count", "radius", "material")},
+        "striker": TOP["striker"], "wall": {"kind": "rom"},
+        "strike": {"on": TOP["on"], "at": TOP["at"]},
+        "reduction": {"kind": "free-modes", "error": 1e-4},
+    }  # fmt: skip
+    one = beadwave.impact(alone)
+    difference = np.abs(several.arrays["v"] - one.arrays["v"]).max() / 0.3
+    stated = sum(e.time + e.reduction for e in (
+        several.summary.error_estimate, one.summary.error_estimate))  # fmt: skip
+    assert difference < stated < 5e-3
+    both = several.summary.chains["top"].peak_wall_force_N, one.summary.peak_wall_force_N
+    assert both[0] == pytest.approx(both[1], rel=5e-3)
+
+
+def test_two_chains_on_the_reduced_structure_move_as_on_the_whole(struck):
+    """All modes of the mesh in the place of the reduced ones: within the stated error."""
+    pipeline = pipeline_of(struck.scene, quiet)
+    model, contacts = pipeline("model"), pipeline("chain-contacts")
+    square, shapes = eigh(model.K.toarray(), model.M.toarray())
+    whole = full_order(np.diag(square), np.eye(len(square)), shapes.T @ contacts.w[:, 0])
+    local = np.column_stack([contacts.half_space, np.zeros(2)])
+    full = structure_of(
+        whole, shapes.T @ contacts.w, [0, 1], contacts.direction, local,
+        damping=beadwave.coupling.ModalDamping(0.005), cutoff_hz=1e9,
+    )  # fmt: skip
+    assert full.omega.size == len(square) > 5 * pipeline("structure").omega.size
+    first = start(struck.scene, contacts, full)
+    march = space.march(
+        first.rows.packing, full, first.rows.velocity, duration=4e-4, dt=struck.summary.dt_s,
+        n_save=400,
+    )  # fmt: skip
+    v = np.hstack([run.v for run in space.row_runs(first.rows, full, march)])
+    true = np.abs(v - struck.arrays["v"]).max() / 0.3
+    assert true < struck.summary.error_estimate.reduction
+
+
+def test_a_chain_feels_the_other_through_the_structure(struck):
+    alone = beadwave.impact(PLATE | {"chains": [TOP, END | {"striker": None}]} | {"striker": None})
+    change = np.abs(alone.arrays["v"][:, :4] - struck.arrays["v"][:, :4]).max() / 0.3
+    assert change > 100 * struck.summary.error_estimate.time
+
+
+def test_a_later_striker_moves_its_waves_alone(struck):
+    later = beadwave.impact(TWO, {"chains.end.striker.time": "80 us"})
+    before, after = (run.summary.chains["end"].waves["2"].arrivals[0] for run in (struck, later))
+    assert after.time_s - before.time_s == pytest.approx(5e-5, rel=0.02)
+    assert later.arrays["x"][0, 4] == pytest.approx(-0.2 * 8e-5)
+
+
+@pytest.mark.slow
+def test_a_run_leaves_a_page_that_moves_structure_and_chains(tmp_path, own_folder):
+    run = beadwave.run(TWO, out=tmp_path / "run")
+    names = {path.name for path in (tmp_path / "run" / "figures").iterdir()}
+    assert {"forces.png", "waves.png", "energies.png", "assembly.png"} <= names
+    data = page_data(tmp_path / "run", run.summary)
+    x = unpacked(data["chain"]["x"])
+    assert x.shape[1] == 7 and "q" in data["assembly"]
+    assert len(data["chain"]["rest"]) == 21 and len(data["chain"]["along"]) == 21
+    np.testing.assert_allclose(data["chain"]["rest"][9:12], [0.0, 0.0, 6e-3], atol=1e-9)
+    assert {c["name"] for c in data["curves"]["plots"]["force"]} == {"top", "end"}
+    again = beadwave.scene(tmp_path / "run" / "scene.toml")
+    assert again.chains == run.scene.chains and again.strike == run.scene.strike
+    text = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "2 chains lean on one assembly" in text
+
+
+def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
+    (tmp_path / "two.toml").write_text(
+        'chains = [{ name = "only", on = "plate:+z", count = 2, radius = "6 mm", '
+        'material = "steel", striker = { velocity = 0.2 } }]\n'
+        'assembly = { held = ["plate:-x"], material = "steel" }\n'
+        "bodies = { plate = { box = [0.06, 0.04, 0.01] } }\nmesh = { scale = 4.0 }\n"
+        "time = { duration = 1e-4 }\noutput = { samples = 101 }\n"
+    )
+    assert command("impact", str(tmp_path / "two.toml"), "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["chains"]["only"]["peak_wall_force_N"] > 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
+        ({"friction": {"coefficient": 0.1}}, r"\[friction\] is not of \[\[chains\]\]"),
+        ({"reduction": {"modes": 30}}, "reduced to one error at all contacts together"),
+        ({"mesh": {"error": 0.1}}, "mesh.error is of one"),
+        ({"contact": {"law": "thornton", "yield_pressure": 1e9}}, 'contact.law = "thornton"'),
+        ({"chains": [TOP, TOP]}, "chains has 2 tables named 'top'"),
+        ({"chains": [TOP | {"striker": None}]}, "nothing moves"),
+        ({"chains": [TOP | {"initial_velocity": [1.0]}]}, "has 1 values, 4 are allowed"),
+        ({"chains": [TOP | {"at": [0.039, 0.0]}]}, "leaves that face; move it by chains.top.at"),
+        ({"chains": [TOP, END | {"on": "plate:+z", "at": [0.02, 0.0]}]}, "overlap by 0.002 m"),
+        ({"chains": [TOP | {"on": "lid:+z"}]}, "lid"),
+        ({"chains": [TOP | {"leaf_springs": {"stiffness": 1e3},
+                            "striker": {"velocity": 0.1, "time": 1e-4}}]}, "drop its delay"),
+        ({"strike": {"on": "plate:+z"}}, r"\[strike\] is of one \[chain\]"),
+        ({"output": {"spheres": [5]}}, "the longest of"),
+        ({"assembly": {"parts": ["block"]}, "bodies": None}, "the thesis' rig"),
+    ],
+)  # fmt: skip
+def test_what_is_not_of_several_chains_is_refused_in_a_sentence(changes, words):
+    tables = {name: table for name, table in (TWO | changes).items() if table is not None}
+    with pytest.raises(InvalidScene, match=words):
+        beadwave.impact(tables)

@@ -1,0 +1,96 @@
+"""Keys of several chains that are each allowed but not together, a sentence each."""
+
+from collections.abc import Iterator
+
+from beadwave.system import free_memory
+from beadwave.workflows.scene.rig import RigScene, RigTable
+from beadwave.workflows.scene.rules.bodies import same_names
+from beadwave.workflows.scene.rules.size import INSTANT_BYTES, LIMITS, gigabytes
+from beadwave.workflows.scene.scene import Scene
+
+# tables of one chain, or of what is not marched for several
+OTHERS = ("chain", "crystal", "wall", "gravity", "guides", "friction", "arm", "shakers")
+MOST_CHAINS = 100  # each adds a column of the receptances and an oscillator
+
+
+def of_chains(scene: Scene) -> Iterator[str]:
+    """Sentences on contradictions between [[chains]] and the rest of a scene."""
+    chains = scene.chains
+    for name in (name for name in OTHERS if getattr(scene, name) is not None):
+        yield f"[{name}] is not of [[chains]], which lean on the faces of their `on`; drop it."
+    if len(chains) > MOST_CHAINS:
+        yield f"[[chains]] are {len(chains)}, allowed are {MOST_CHAINS}; drop some."
+    yield from same_names(scene, "chains")
+    if scene.assembly is None or isinstance(scene, RigScene):
+        yield "[[chains]] lean on bodies; add [assembly] with [bodies], which they strike."
+        return
+    if isinstance(scene.assembly, RigTable):
+        yield (
+            "[[chains]] lean on bodies, [assembly] is the thesis' rig; describe it by "
+            "[bodies.NAME]."
+        )
+        return
+    if scene.output.sensors:
+        yield "output.sensors are of one [chain]; drop them, trajectory.npz has every sphere."
+    if scene.mesh.error:
+        yield "mesh.error is of one [chain]; give mesh.scale, or the sizes of elements."
+
+    # one basis for all contacts together, whose modes move one by one
+    if scene.reduction.kind != "free-modes" or scene.reduction.error is None:
+        yield (
+            "[[chains]] are reduced to one error at all contacts together; give reduction.kind = "
+            '"free-modes" and reduction.error.'
+        )
+    if scene.has_dashpots:
+        yield "[[chains]] are not marched with dashpots and [[measured]] parts; drop these."
+
+    for row in chains:
+        key = f"chains.{row.name}"
+        contact = row.contact or scene.contact
+        if contact.law != "hertz":
+            where = f"{key}.contact" if row.contact else "contact"
+            yield f'{where}.law = "{contact.law}" is not of [[chains]]; take "hertz".'
+        lists = [
+            (f"{key}.{name}", getattr(row, name), row.count)
+            for name in ("radius", "material", "density", "young", "poisson", "initial_velocity")
+        ]
+        leaf = row.leaf_springs or scene.leaf_springs
+        lists += [(f"{key}: contact.{name}", x, row.count) for name, x in contact]
+        lists += [(f"{key}: leaf_springs.{name}", x, row.count) for name, x in leaf or ()]
+        for name, value, n in lists:
+            if isinstance(value, tuple) and len(value) != n:
+                yield f"{name} has {len(value)} values, {n} are allowed; give one each."
+        if row.initial_velocity is not None and row.striker:
+            yield f"{key}.initial_velocity replaces {key}.striker; drop one of them."
+        striker = row.striker or scene.striker
+        if striker is not None and striker.velocity is None:
+            yield "striker.drop is of a [chain] under [gravity]; give striker.velocity."
+        if getattr(striker, "tangential_velocity", None):
+            yield "striker.tangential_velocity is of one [chain] under [friction]; drop it."
+    laws = {
+        contact.dissipation
+        for row in chains
+        if (contact := row.contact or scene.contact).dissipation != "none" and contact.coefficient
+    }
+    if len(laws) > 1:
+        yield f"[[chains]] are damped by {' and '.join(sorted(laws))}; give all one dissipation."
+    still = [
+        row for row in chains
+        if not (row.striker or scene.striker or any(row.initial_velocity or ()))
+    ]  # fmt: skip
+    if len(still) == len(chains):
+        yield f"nothing moves; give chains.{chains[0].name}.striker a velocity."
+
+    most = max(row.count for row in chains)
+    if scene.output.spheres and max(scene.output.spheres) > most:
+        yield (
+            f"output.spheres has {max(scene.output.spheres)}, the longest of [[chains]] has "
+            f"{most}; lower it."
+        )
+    values = sum(row.count for row in chains) * scene.output.samples
+    needed = 6 * INSTANT_BYTES * values
+    if values > LIMITS.values or needed > free_memory():
+        yield (
+            f"output.samples = {scene.output.samples} of all spheres of [[chains]] would take "
+            f"{gigabytes(needed)} of memory; lower it, or drop spheres."
+        )

@@ -1,0 +1,115 @@
+"""Several chains in the summary: the numbers of each, warnings, and the files of their arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from beadwave import dem
+from beadwave.dem import space
+from beadwave.dem.waves.chain_waves import ChainWaves
+from beadwave.workflows.files.npz import npz
+from beadwave.workflows.report.summary import (
+    ChainNumbers,
+    ChainOnStructureNumbers,
+    ErrorEstimate,
+)
+from beadwave.workflows.scene import Scene
+from beadwave.workflows.stages import warnings
+from beadwave.workflows.stages.chain.chain import contact_radius
+from beadwave.workflows.stages.chain.several import ChainsStart
+from beadwave.workflows.stages.chain.waves import chain_contact, sphere_waves
+
+Runs = tuple[tuple[space.RowRun, ChainWaves], ...]
+
+
+def chains_numbers(
+    scene: Scene,
+    start: ChainsStart,
+    structure: space.Structure,
+    march: space.SpaceTrajectory,
+    waves: Runs,
+) -> ChainNumbers:
+    """Numbers and warnings of all chains, and of each by its name."""
+    names, of_each = [row.name for row in scene.chains], scene.of_each_chain
+    errors = None if march.errors is None else march.errors.velocity
+    each, warned = {}, []
+    for i, (name, (run, mine)) in enumerate(zip(names, waves, strict=True)):
+        one, first = of_each[name], start.starts[i]
+        peak = float(run.contact_force[:, -1].max())
+        each[name] = ChainOnStructureNumbers(
+            peak_wall_force_N=peak,
+            contact_radius_m=contact_radius(one, first, peak),
+            waves={str(s): sphere_waves(mine, run.t, run.v[:, s - 1], s) for s in mine.labels},
+            wall_contact=chain_contact(one, mine),
+            errors=ErrorEstimate(time=march.error_estimate),
+            sphere_errors_m_s=(
+                () if errors is None else tuple(map(float, errors[start.rows.row == i]))
+            ),
+        )
+        warned += [f"chains.{name}: {said}" for said in _warnings(one, first, run, mine)]
+    numbers = {
+        "n_wall_modes": len(structure.omega),
+        "dt_s": march.dt,
+        "n_steps": march.n_steps,
+        "energy_error": march.energy_error,
+        "peak_wall_force_N": max(numbers.peak_wall_force_N for numbers in each.values()),
+        "chains": each,
+    }
+    warned += warnings.mesh_error_of_several_chains()
+    if march.error_estimate is None:
+        warned.append(
+            "The error of a given time.dt is not estimated for several chains; give time.error to "
+            "have it stated."
+        )
+    return ChainNumbers(numbers, tuple(warned), march.error_estimate, coupled=False)
+
+
+def _warnings(scene: Scene, start, run: space.RowRun, waves: ChainWaves) -> Iterator[str]:
+    """Warnings on one of several chains."""
+    yield from dem.outside(warnings.strain(scene, start, run))
+    yield from warnings.unequal_spheres(start)
+    yield from warnings.overlapping_waves(waves)
+
+
+def chains_arrays(
+    scene: Scene, start: ChainsStart, structure: space.Structure, march: space.SpaceTrajectory
+) -> dict[str, np.ndarray]:
+    """Arrays of trajectory.npz by name, all chains in order; `chain` (n,) is which one each sphere
+    is of, from 0."""
+    rows = start.rows
+    runs = space.row_runs(rows, structure, march)
+    arrays = {
+        "t": march.t,
+        **{name: np.hstack([getattr(run, name) for run in runs])
+           for name in ("x", "v", "contact_force")},
+        "chain": rows.row,
+        **{name: getattr(march, name) for name in ("wall_x", "wall_v", "wall_force")},
+        "wall_q": march.wall_q.astype(np.float32),
+        "wall_omega": structure.omega,
+        "wall_phi": structure.phi,
+        # where each sphere touches the next, and along what it moves
+        "rest": rows.packing.rest - rows.start[:, None] * rows.direction,
+        "direction": rows.direction,
+        "radius": rows.packing.radius,
+    }  # fmt: skip
+    arrays |= {
+        name: values for name, values in march._asdict().items()
+        if name.startswith(("energy_", "dissipated_", "work_"))
+        and isinstance(values, np.ndarray) and values.any()
+    }  # fmt: skip
+    if march.errors is not None:
+        arrays |= {
+            "error_x": march.errors.displacement,
+            "error_v": march.errors.velocity,
+            "error_contact_force": march.errors.pair_force[rows.contact],
+        }
+    return arrays
+
+
+def chains_files(
+    scene: Scene, start: ChainsStart, structure: space.Structure, march: space.SpaceTrajectory
+) -> dict[str, bytes]:
+    """Content of trajectory.npz by name."""
+    return {"trajectory.npz": npz(chains_arrays(scene, start, structure, march))}

@@ -1,0 +1,102 @@
+"""A structure that several chains strike: their places on it, and one basis for all of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from beadwave import fem, rom
+from beadwave.fem.assembly.trace import OffFace
+from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
+from beadwave.workflows.scene.places import chain_face
+from beadwave.workflows.scene.tables.reduction import TO_HZ
+from beadwave.workflows.stages.structure.assembly import solid
+from beadwave.workflows.stages.structure.loss_factors import strain_of
+from beadwave.workflows.stages.structure.meshed_parts import Parts
+from beadwave.workflows.stages.structure.reduction import contact_of, names, targets_kept
+from beadwave.workflows.stages.structure.strike import surface_of
+
+
+class ChainContacts(NamedTuple):
+    """The contacts of p chains with a structure of n unknowns."""
+
+    w: NDArray[np.float64]  # (n, p) displacement along each chain, into the structure
+    point: NDArray[np.float64]  # (p, 3) [m]
+    direction: NDArray[np.float64]  # (p, 3) unit vectors into the structure
+    half_space: NDArray[np.float64]  # (p,) [m/N] that Hertz' law holds already
+    surface: tuple[rom.Contact, ...]  # material of the face struck
+
+
+def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
+    """The patches of all chains and the half-spaces under them, on the mesh of the body that each
+    strikes. Raises InvalidScene where a patch leaves its face, and for a face that is not plane."""
+    columns, points, directions, local, surfaces = [], [], [], [], []
+    for name, one in scene.of_each_chain.items():
+        strike, key = one.strike, f"chains.{name}"
+        face, material = mesh.face(chain_face(name)), solid(scene, one.struck_body)
+        try:
+            patch = fem.contact_patch(model, face, strike.at, strike.radius, weights=strike.weights)
+        except OffFace:
+            raise InvalidScene(
+                f"{scene.name}: {key}: the patch of radius {strike.radius:g} m at "
+                f"{list(strike.at)} m from the middle of {strike.on!r} leaves that face; move it "
+                f"by {key}.at, or take a smaller {key}.patch_radius."
+            ) from None
+        except ValueError as error:
+            why = str(error).replace(face, strike.on)
+            raise InvalidScene(f"{scene.name}: {key}: {why.rstrip('.')}.") from None
+        columns.append(patch.w)
+        points.append(patch.spot.point)
+        directions.append(patch.spot.inward)
+        local += fem.half_spaces_on_mesh(model, face, [patch], material)
+        surfaces.append(surface_of(material, patch.spot.inward, patch.spot.radii))
+    return ChainContacts(
+        np.column_stack(columns), np.array(points), np.array(directions), np.array(local),
+        tuple(surfaces),
+    )  # fmt: skip
+
+
+def reduction(
+    scene: Scene,
+    model: fem.Model,
+    contact: fem.ContactPatch,
+    modes: AssemblyModes,
+    contacts: ChainContacts,
+    factor: fem.Factor | None = None,
+) -> rom.ReducedModel:
+    """The structure in as many modes as keep the response at every contact to the scene's error,
+    and between them; the first chain's contact is the model's own, the others are loads by the
+    chains' names. Raises rom.ReductionError."""
+    table, others = scene.reduction, tuple(row.name for row in scene.chains[1:])
+    with fem.one_thread():
+        reduced = rom.several_contacts(
+            model.K, model.M, contacts.w, error=table.error, to_hz=table.to_hz or TO_HZ,
+            names=others, modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
+        )  # fmt: skip
+    struck = contact_of(scene, model, contact)._replace(
+        half_space=float(contacts.half_space[0]),
+        modes_hz=tuple(modes.paired_hz.values()) or None,
+        point=tuple(contacts.point[0].tolist()),
+        direction=tuple(contacts.direction[0].tolist()),
+    )
+    if isinstance(scene.damping, LossFactorsTable):
+        struck = struck._replace(strain=strain_of(scene, model, modes))
+
+    # what it carries besides: the way back to the outer nodes, names, masses
+    outer = fem.outer_nodes(model.structure)
+    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
+    body = fem.rigid_body(model.structure)
+    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())
+    motion = np.tile(contacts.direction[0], model.T.shape[0] // 3)
+    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
+    return reduced._replace(
+        T=None,
+        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
+        coordinates=names(model, np.zeros(0, np.int64), reduced),
+        contact=struck,
+        mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
+        finer=reduced.finer._replace(contact=struck),
+    )
