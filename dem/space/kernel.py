@@ -79,6 +79,7 @@ class SpaceMotion(NamedTuple):
     point: Array  # (p, 3) [m] of the structure's points
     point_v: Array  # (p, 3) [m/s]
     middle_point: Array  # (p, 3) [m/s] inside of a kick with dampers
+    pressed_point: Array  # (p, 3) [m] of the points when forces were computed last
     lost: Array  # (c,) [J] by dampers and yield
     heat: Array  # (c,) [J] by friction
 
@@ -229,6 +230,9 @@ def press(drifted: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts
     contact_forces(
         0, arrays.A.size, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction
     )
+    for k in range(motion.point.shape[0]):
+        for axis in range(3):
+            motion.pressed_point[k, axis] = motion.point[k, axis]
 
 
 @ieee_inline
@@ -367,9 +371,13 @@ def rub(
         p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
         unit = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
         p0, p1, p2 = unit * p0, unit * p1, unit * p2
-    elif j < -1:
-        k, moved = -2 - j, motion.point_v
-        w0, w1, w2 = w0 + moved[k, 0], w1 + moved[k, 1], w2 + moved[k, 2]
+    elif j < -1 and drifted != 0.0:
+        # modes swing in a drift: the mean velocity of the point, not that at its end
+        k, now, before = -2 - j, motion.point, motion.pressed_point
+        unit = 1.0 / drifted
+        w0 += unit * (now[k, 0] - before[k, 0])
+        w1 += unit * (now[k, 1] - before[k, 1])
+        w2 += unit * (now[k, 2] - before[k, 2])
 
     # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
     # the squares of a step's turns, some 1e-12, are left out
@@ -794,10 +802,9 @@ def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: 
         energy[e] = 0.0
     save_spheres(k, motion, arrays, saved, parts.friction, parts.load, parts.weight, parts.leaf)
     save_contacts(
-        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction,
-        parts.modes,
-    )  # fmt: skip
-    save_structure(k, saved, parts.modes)
+        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction
+    )
+    save_structure(k, motion, arrays, saved, parts.friction, parts.modes)
     energy[OF_DRIVE] = drive_work(parts.drive)
     total = 0.0
     for e in range(OF_LOAD):
@@ -815,10 +822,16 @@ def drive_work(drive: Drive | None) -> float:
 
 
 @ieee
-def save_structure(k: int, saved: SpaceSaved, modes: StructureModes | None) -> None:
-    """Row k of the structure's points and modes, its energy and what its damping took."""
+def save_structure(
+    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
+    friction: Friction | None, modes: StructureModes | None,
+) -> None:  # fmt: skip
+    """Row k of the structure's points and modes, the forces on it, its energy and what its damping
+    took."""
     if modes is None:
         return
+    for c in range(arrays.n_pairs, arrays.A.size):
+        save_point_force(k, c, motion, arrays, saved, friction, modes)
     q, p, static = modes.q, modes.p, modes.static
     swing = 0.0
     for j in range(q.size):
@@ -869,9 +882,8 @@ def save_spheres(
 def save_contacts(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
     plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
-    modes: StructureModes | None,
 ) -> None:  # fmt: skip
-    """Row k of the contacts' forces, on the structure's points too, their energies and losses."""
+    """Row k of the contacts' forces, their energies and losses."""
     v, energy, at = motion.v, saved.energy[k], 0
     for c in range(arrays.A.size):
         d = arrays.overlap[c] - stretch(c, motion.u, motion.point, arrays)[0]
@@ -894,8 +906,7 @@ def save_contacts(
             T = motion.traction
             square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
             energy[TANGENTIAL] += 0.5 * square / shear_stiffness(c, d, friction)
-        if modes is not None:
-            save_point_force(k, c, pressed, motion, arrays, saved, friction, modes)
+        motion.damper[c, 0] = pressed  # room: for the forces on the structure
         energy[IN_CONTACTS] += motion.lost[c]
         energy[IN_FRICTION] += motion.heat[c]
         if at < saved.contacts.size and saved.contacts[at] == c:
@@ -908,16 +919,17 @@ def save_contacts(
 
 @ieee
 def save_point_force(
-    k: int, c: int, pressed: float, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
+    k: int, c: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
     friction: Friction | None, modes: StructureModes,
 ) -> None:  # fmt: skip
-    """The force of contact c, `pressed` [N] along its normal, added to row k of its point's."""
+    """The force of contact c, whose normal part `save_contacts` has left, added to row k of its
+    point's."""
     point = -2 - arrays.second[c]
     if point < 0:
         return
     for r in range(modes.start[point], modes.start[point + 1]):
         for axis in range(3):
-            force = pressed * arrays.arm[c, axis]
+            force = motion.damper[c, 0] * arrays.arm[c, axis]
             if friction is not None:
                 force -= motion.traction[c, axis]
             saved.wall[k, 2, r] += force * modes.direction[r, axis]

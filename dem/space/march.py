@@ -39,6 +39,7 @@ SAFETY = 2.0
 COLUMNS = 4.0
 RATIO = 1.6  # of the coarser step to the finer one
 LEAST = 1.0 / 30.0  # of the error asked: no less is stated, as marches are alike by chance
+POINTS = "point", "point_v", "middle_point", "pressed_point"  # of a structure, in `SpaceMotion`
 MOST_WORK = 2e11  # contacts computed in one search: an hour
 
 
@@ -316,7 +317,7 @@ def start(packing: Packing, v0: Array, structure: Structure | None) -> SpaceMoti
     zeros |= {name: np.zeros((c, 3)) for name in ("force", "moment", "traction", "damper")}
     zeros |= {name: np.zeros(c) for name in ("lost", "heat", "bound")}
     points = 0 if structure is None else structure.n_points
-    zeros |= {name: np.zeros((points, 3)) for name in ("point", "point_v", "middle_point")}
+    zeros |= {name: np.zeros((points, 3)) for name in POINTS}
     return SpaceMotion(v=np.ascontiguousarray(v), depth=packing.overlap.copy(), **zeros)
 
 

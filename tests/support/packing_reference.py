@@ -106,9 +106,10 @@ def random_network(seed):
     return packing, v0
 
 
-def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
+def rubbing_reference(packing, v0, t, structure=None, *, tolerance=1e-9, longest=2e-7):
     """`reference` with friction: displacements, velocities and spins (k, s, 3) of a packing without
-    dampers, guides and a wall that moves, at rest planes allowed.
+    dampers and guides, at rest planes and the points of a structure allowed. Contacts there are in
+    series with its residual compliances.
 
     T follows Mindlin's increments as an equation of rates: k times the surfaces' relative velocity,
     turned with the pair, and T k'/k where the overlap falls; at its bound mu N it keeps to it.
@@ -121,13 +122,23 @@ def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
     share = np.where(plane, 1.0, R[i] / (R[i] + R[second]))
     length = np.where(plane, R[i], np.linalg.norm(packing.arm, axis=1))
     load = 0.0 if packing.load is None else packing.load
+    m = 0 if structure is None else len(structure.omega)
+    in_series, leaning = np.zeros((c, 2)), np.flatnonzero(j <= MOVING)
+    moved_by = np.zeros((len(leaning), 3, m))  # displacement of each point by the modes
+    for at, point in enumerate(MOVING - j[leaning]):
+        rows = structure.point == point
+        moved_by[at] = structure.direction[rows].T @ structure.phi[rows]
+        in_series[leaning[at]] = structure.residual[point]
 
     def rates(_, state):
         u, v, spin = state[: 9 * s].reshape(3, s, 3)
-        T = state[9 * s :].reshape(c, 3)
+        T = state[9 * s : 9 * s + 3 * c].reshape(c, 3)
+        q, p = state[9 * s + 3 * c :].reshape(2, m)
         zero = np.zeros((c, 3))
-        move = np.where(plane[:, None], zero, u[second]) - u[i]
-        speed = np.where(plane[:, None], zero, v[second]) - v[i]
+        wall_u, wall_v = zero.copy(), zero.copy()
+        wall_u[leaning], wall_v[leaning] = moved_by @ q, moved_by @ p
+        move = np.where(plane[:, None], wall_u, u[second]) - u[i]
+        speed = np.where(plane[:, None], wall_v, v[second]) - v[i]
         span = np.where(plane[:, None], packing.arm, packing.arm + move)
         size = np.linalg.norm(span, axis=1)
         e = span / size[:, None]
@@ -136,9 +147,12 @@ def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
             np.einsum("cx,cx->c", move, packing.arm),
             np.einsum("cx,cx->c", 2 * packing.arm + move, move) / (size + length),
         )
-        d = packing.overlap - rise
-        touch = d > 0.0
-        d = np.maximum(d, 1e-30)
+        gap = packing.overlap - rise
+        touch = gap > 0.0
+        d = np.maximum(gap, 1e-30)
+        for _ in range(8):  # d + s A d^1.5 = gap by Newton's steps; s A d^0.5 is some percent
+            k_n = in_series[:, 0] * packing.A * np.sqrt(np.maximum(d, 0.0))
+            d = np.where(touch, d + (gap - d - k_n * d) / (1.0 + 1.5 * k_n), d)
         N = np.where(touch, packing.A * d**1.5, 0.0)
         along = np.einsum("cx,cx->c", speed, e)
         reach = np.where(plane, length - d, size)
@@ -152,11 +166,14 @@ def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
             + np.where(plane, 0.0, np.einsum("cx,cx->c", spin[second], e))
         )
         turn = turn + mean[:, None] * e
-        k = packing.shear * np.sqrt(d)
+        bare = packing.shear * np.sqrt(d)
+        k = bare / (1.0 + in_series[:, 1] * bare)
         T = T - np.einsum("cx,cx->c", T, e)[:, None] * e
-        grows = -along  # rate of the overlap
+        # rate of the overlap
+        grows = -along / (1.0 + in_series[:, 0] * 1.5 * packing.A * np.sqrt(d))
         rate = k[:, None] * slide + np.cross(turn, T)
-        rate += np.where(grows < 0.0, 0.5 * grows / d, 0.0)[:, None] * T
+        falls = 0.5 * grows / d / (1.0 + in_series[:, 1] * bare)
+        rate += np.where(grows < 0.0, falls, 0.0)[:, None] * T
         bound = packing.friction * N
         strength = np.linalg.norm(T, axis=1)
         unit = T / np.where(strength > 0.0, strength, 1.0)[:, None]
@@ -177,11 +194,17 @@ def rubbing_reference(packing, v0, t, *, tolerance=1e-9, longest=2e-7):
         np.add.at(turning, j[~plane], ((1 - share)[:, None] * moment)[~plane])
         a = (total + load) / packing.mass[:, None]
         turning /= packing.inertia[:, None]
-        return np.concatenate([v.ravel(), a.ravel(), turning.ravel(), rate.ravel()])
+        push = np.einsum("cxm,cx->m", moved_by, force[leaning])
+        if m:
+            push -= 2 * structure.zeta * structure.omega * p + structure.omega**2 * q
+        return np.concatenate([v.ravel(), a.ravel(), turning.ravel(), rate.ravel(), p, push])
 
-    start = np.concatenate([np.zeros(3 * s), np.ravel(v0), np.zeros(3 * s + 3 * c)])
+    start = np.concatenate([np.zeros(3 * s), np.ravel(v0), np.zeros(3 * s + 3 * c + 2 * m)])
+    # forces of contacts that open and close jump in their rates: 1e-9 N of them are enough
+    atol = np.full(start.size, 1e-14)
+    atol[9 * s : 9 * s + 3 * c] = 1e-14 if structure is None else 1e-9
     result = solve_ivp(
-        rates, (t[0], t[-1]), start, "DOP853", t, rtol=tolerance, atol=1e-14, max_step=longest
+        rates, (t[0], t[-1]), start, "DOP853", t, rtol=tolerance, atol=atol, max_step=longest
     )  # fmt: skip
     assert result.success, result.message
     return result.y[: 9 * s].T.reshape(len(t), 3, s, 3).transpose(1, 0, 2, 3)

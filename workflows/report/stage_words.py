@@ -31,6 +31,8 @@ WORDS = {
     "chains-waves": "waves of the chains",
     "chains-errors": "error of the reduction",
     "chains-figures": "plots",
+    "row-contacts": "contacts of the last row",
+    "crystal-error": "error of the reduction",
     "crystal-march": "march of the crystal",
     "crystal-modes": "modes of the crystal",
     "crystal-figures": "plots",

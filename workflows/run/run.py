@@ -223,8 +223,12 @@ def summary_of(
 
     # spheres in space
     if scene.crystal:
-        crystal = pipeline("crystal-numbers")
-        numbers |= crystal.numbers | {"error_estimate": ErrorEstimate(time=crystal.time_error)}
+        crystal, errors = pipeline("crystal-numbers"), {}
+        if structure and with_errors:
+            errors["reduction"] = pipeline("crystal-error")
+            sentences += warnings.large_model_error("reduction", errors["reduction"])
+        errors["time"] = crystal.time_error
+        numbers |= crystal.numbers | {"error_estimate": ErrorEstimate(**errors)}
         sentences += crystal.warnings
 
     # several chains: the error of the reduction holds for all contacts together

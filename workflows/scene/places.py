@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 RADIUS = 5e-3  # m, of a shaker's and a sensor's patch where the scene gives none: assumed
 MIDDLE = (0.0, 0.0)
+CRYSTAL_FACE = "crystal"  # name in the mesh of the face that a crystal leans on
 
 
 class Place(NamedTuple):
@@ -53,8 +54,8 @@ def has_friction(scene: "Scene") -> bool:
 
 
 def named_faces(scene: "Scene") -> dict[str, str]:
-    """Selectors of the faces of shakers, sensors, masses, springs, measured parts and of several
-    chains, by their names in the mesh."""
+    """Selectors of the faces of shakers, sensors, masses, springs, measured parts, of several
+    chains and of a crystal, by their names in the mesh."""
     functionals = {place.face: place.on for place in shaker_places(scene) + sensor_places(scene)}
     masses = {mass_face(mass.name): mass.on for mass in scene.masses or ()}
     ends = {
@@ -63,8 +64,10 @@ def named_faces(scene: "Scene") -> dict[str, str]:
         for end in spring.ends
     }
     parts = {part_face(part.name): part.on for part in scene.measured or ()}
-    chains = {chain_face(row.name): row.on for row in scene.chains or ()}
-    return functionals | masses | ends | parts | chains
+    spheres = {chain_face(row.name): row.on for row in scene.chains or ()}
+    if scene.crystal is not None and scene.crystal.on is not None:
+        spheres[CRYSTAL_FACE] = scene.crystal.on
+    return functionals | masses | ends | parts | spheres
 
 
 def chain_face(name: str) -> str:

@@ -64,7 +64,6 @@ class Scene(SceneTable):
     # keys whose values are intended, outside of their usual range
     unusual: Annotated[tuple[str, ...], Field(strict=False)] | None = None
     chain: ChainTable | None = None
-    chains: Annotated[tuple[ChainOnStructure, ...], Field(strict=False, min_length=1)] | None = None
     crystal: CrystalTable | None = None
     striker: Striker | None = None
     contact: ContactTable | None = None
@@ -72,6 +71,7 @@ class Scene(SceneTable):
     gravity: Gravity | None = None
     guides: Guides | None = None
     preload: Preload | None = None
+    chains: Annotated[tuple[ChainOnStructure, ...], Field(strict=False, min_length=1)] | None = None
     friction: Friction | None = None
     arm: Arm | None = None
     shakers: Annotated[tuple[Shaker, ...], Several] | None = None

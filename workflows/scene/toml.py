@@ -31,7 +31,7 @@ from beadwave.workflows.scene.rig import RigScene, RigTable, check
 from beadwave.workflows.scene.rules.all_tables import contradictions
 from beadwave.workflows.scene.scene_table import nearest
 from beadwave.workflows.scene.shown import shown
-from beadwave.workflows.scene.tables.bodies import SHAPES, General, Meshing
+from beadwave.workflows.scene.tables.bodies import SHAPES, General, Meshing, Strike
 from beadwave.workflows.scene.tables.free_fall import fallen
 
 Change = str | tuple[str, Any]  # "key=value" as --set takes it, or a dotted key and its value
@@ -94,24 +94,32 @@ def resolved(tables: dict[str, Any], source: str, folder: Path = Path()) -> Scen
         added["striker"] = fallen(scene, source)
     if scene.assembly is not None:
         added |= _structure(scene, tables, source)
-    if scene.chains:
-        if scene.strike is not None:
-            raise InvalidScene(
-                f"{source}: [strike] is of one [chain]; each of [[chains]] has its `on` and `at`, "
-                "drop it."
-            )
-        # the place that stages of one contact read is that of the first chain
-        first = next(iter(scene.of_each_chain.values()))
-        given = tables.get("reduction", {})
-        amount = {} if given.keys() & {"modes", "cutoff", "error"} else {"error": 1e-3}
-        reduction = Reduction(**{"kind": "free-modes", **amount, **given})
-        added |= {"strike": first.strike, "reduction": reduction}
+    if scene.chains or (scene.crystal and scene.crystal.on):
+        added |= _several_contacts(scene, tables, source)
 
     complete = in_folder(scene.model_copy(update=added), folder)
     complete = complete.model_copy(update={"unusual": unusual_keys(entries(complete)) or None})
     for sentence in contradictions(complete):
         raise InvalidScene(f"{source}: {sentence}")
     return RigScene.of(complete) if isinstance(complete.assembly, RigTable) else complete
+
+
+def _several_contacts(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
+    """[strike] and [reduction] of a structure with several contacts: stages of one contact read the
+    place of the first chain, or the middle of a crystal's last row."""
+    if scene.strike is not None:
+        whose = "each of [[chains]]" if scene.chains else "[crystal]"
+        raise InvalidScene(
+            f"{source}: [strike] is of one [chain]; {whose} has `on` and `at` of its own, drop it."
+        )
+    if scene.chains:
+        strike = next(iter(scene.of_each_chain.values())).strike
+    else:
+        crystal = scene.crystal
+        strike = Strike.model_construct(on=crystal.on, at=crystal.at, radius=crystal.patch_radius)
+    given = tables.get("reduction", {})
+    amount = {} if given.keys() & {"modes", "cutoff", "error"} else {"error": 1e-3}
+    return {"strike": strike, "reduction": Reduction(**{"kind": "free-modes", **amount, **given})}
 
 
 def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, Any]:
@@ -142,7 +150,8 @@ def _structure(scene: Scene, tables: dict[str, Any], source: str) -> dict[str, A
 def toml(scene: Scene) -> str:
     """The scene as TOML; reading it back gives the same scene."""
     unusual = unusual_keys(entries(scene.written)) or None
-    update = {"unusual": unusual} | ({"strike": None} if scene.chains else {})
+    several = scene.chains or (scene.crystal and scene.crystal.on)
+    update = {"unusual": unusual} | ({"strike": None} if several else {})
     complete = scene.model_copy(update=update)
     return tomli_w.dumps(complete.model_dump(mode="python", exclude_none=True))
 

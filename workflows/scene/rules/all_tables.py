@@ -45,11 +45,13 @@ def contradictions(scene: Scene) -> Iterator[str]:
     if scene.crystal:
         yield from of_crystal(scene)
         yield from _of_time(scene)
-        return  # the other rules are of chains and structures
+        if scene.crystal.on is None:
+            return  # the other rules are of chains and structures
     if scene.chains:
         yield from of_chains(scene)
         yield from _of_time(scene)
-    yield from _missing_parts(scene)
+    if not scene.crystal:
+        yield from _missing_parts(scene)
     yield from of_bending(scene)
     if isinstance(scene.assembly, RigTable):
         yield from of_the_rig(scene)

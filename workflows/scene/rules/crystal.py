@@ -7,6 +7,7 @@ from beadwave.system import free_memory
 from beadwave.workflows.scene.named_files import unfit
 from beadwave.workflows.scene.rules.size import LIMITS, gigabytes
 from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.bodies import General
 from beadwave.workflows.scene.tables.contact import CIRCULAR
 from beadwave.workflows.scene.tables.walls import HalfSpaceWall, OneDofWall, RigidWall
 
@@ -15,6 +16,7 @@ OTHERS = (
     "chain", "striker", "leaf_springs", "guides", "preload", "arm", "shakers",
 )  # fmt: skip
 STANDING = ("square", "sc")  # lattices whose rows stand on each other without sides
+MOST_CONTACTS = 300  # of a last row on a structure, each of one or three columns
 MOST_SPHERES = 200_000  # of a crystal: a million contacts, some hours
 SPHERE_BYTES = 48 + 24 + 24  # of a saved instant of a sphere: its state, its contacts' forces
 MARCHES = 2  # in memory at once: the coarser one and the finer one
@@ -26,10 +28,7 @@ def of_crystal(scene: Scene) -> Iterator[str]:
     for name in OTHERS:
         if getattr(scene, name) is not None:
             yield f"[{name}] is of a chain, [crystal] has none; drop one of them."
-    if scene.has_structure:
-        yield (
-            "[crystal] leans on no structure; drop [assembly], [beam] or [plate], or take [chain]."
-        )
+    yield from _of_structure(scene)
     if not isinstance(scene.wall, None | RigidWall | HalfSpaceWall | OneDofWall):
         yield (
             f'wall.kind = "{scene.wall.kind}" is not behind a [crystal]; take "rigid", '
@@ -89,6 +88,61 @@ def of_crystal(scene: Scene) -> Iterator[str]:
         yield "crystal.drive of a y is of one sphere; give at."
     if crystal.striker is None and crystal.drive is None:
         yield "nothing moves; add crystal.striker with a velocity, or crystal.drive."
+
+
+def _of_structure(scene: Scene) -> Iterator[str]:
+    """A structure behind the last row."""
+    crystal = scene.crystal
+    if crystal.on is None:
+        if scene.has_structure:
+            yield (
+                "[crystal] leans on no structure; say where by crystal.on, as 'block:+x', or drop "
+                "[assembly], [beam] or [plate]."
+            )
+        if tuple(crystal.at) != (0.0, 0.0):
+            yield "crystal.at is of the face that crystal.on names; add it, or drop crystal.at."
+        return
+    if not isinstance(scene.assembly, General):
+        yield (
+            f"crystal.on = {crystal.on!r} is a face of bodies; add [assembly] with "
+            "[bodies.NAME], which the thesis' rig, [beam] and [plate] are not."
+        )
+        return
+    if scene.wall is not None:
+        yield "[wall] and crystal.on are both behind the last row; drop one."
+    if crystal.nodes or crystal.lattice == "y":
+        yield "crystal.on is behind the last row of a lattice, which this crystal has not; drop it."
+    if crystal.sides == "periodic":
+        yield 'crystal.sides = "periodic" has no end on a face; take "free" or "rigid".'
+    if crystal.precompression or crystal.force or (scene.gravity and scene.gravity.along):
+        yield (
+            "a crystal before a structure starts without a load; drop crystal.precompression, "
+            "crystal.force or [gravity]."
+        )
+    if scene.contact.law == "thornton":
+        yield 'contact.law = "thornton" is not marched before a structure; take "hertz".'
+    if scene.mesh.error:
+        yield "mesh.error is of one [chain]; give mesh.scale, or the sizes of elements."
+    if scene.has_dashpots:
+        yield "crystal.on is not marched with dashpots and [[measured]] parts; drop these."
+    if crystal.radius and crystal.patch_radius > crystal.radius:
+        yield (
+            f"crystal.patch_radius = {crystal.patch_radius:g} m must be up to crystal.radius = "
+            f"{crystal.radius:g} m, or patches overlap; lower it."
+        )
+    columns = 1
+    for count in crystal.size[:-1] if crystal.size else ():
+        columns *= count
+    if columns > MOST_CONTACTS:
+        yield (
+            f"crystal.size = {list(crystal.size)} has a last row of {columns} spheres, allowed on "
+            f"a structure are {MOST_CONTACTS}, as each feels every other; take fewer columns."
+        )
+    if scene.reduction.kind != "free-modes" or scene.reduction.error is None:
+        yield (
+            "a crystal's contacts are reduced to one error together; give reduction.kind = "
+            '"free-modes" and reduction.error.'
+        )
 
 
 def _of_lattice(scene: Scene) -> Iterator[str]:

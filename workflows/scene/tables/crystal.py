@@ -16,6 +16,8 @@ from beadwave.workflows.scene.scene_table import (
     Count,
     Density,
     Number,
+    PatchRadius,
+    Point,
     Poisson,
     Positive,
     Radius,
@@ -109,6 +111,11 @@ class CrystalTable(SceneTable):
     precompression: of(Positive, LENGTH, 0, 1e-3) | None = None
     # [N] in place of it: a steady force, an equal share on each sphere of the first row
     force: of(Positive, FORCE, 0, 1e6) | None = None
+    # the plane face of [assembly] that its last row leans on, "body:+x"
+    on: Annotated[str, Field(pattern=r"^[^:@*#]+:.+$")] | None = None
+    # [m] of the middle of that row, from the middle of the face along its two global axes
+    at: Point = (0.0, 0.0)
+    patch_radius: PatchRadius = 2e-3  # [m] of the patch under each sphere of that row
     striker: CrystalStriker | None = None  # what moves at the start
     drive: CrystalDrive | None = None  # spheres that are moved, a shaken row
 

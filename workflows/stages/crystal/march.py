@@ -29,13 +29,19 @@ def require_crystal(scene: Scene) -> None:
         )
 
 
-def march(scene: Scene, start: CrystalStart) -> space.SpaceTrajectory:
-    """The march to the scene's error or at its step; raises dem.InvalidChain and
-    dem.UnstableStep, which name what cannot be marched."""
+def march(
+    scene: Scene, start: CrystalStart, structure: space.Structure | None = None
+) -> space.SpaceTrajectory:
+    """The march to the scene's error or at its step, before a structure where there is one; raises
+    dem.InvalidChain and dem.UnstableStep, which name what cannot be marched."""
     time, observed = scene.time, scene.output.spheres
     saved = np.flatnonzero(np.isin(start.number, observed)) if observed else None
     run = {"duration": time.duration, "n_save": scene.output.samples - 1, "saved": saved}
-    arguments = (start.packing, wall(scene), start.velocity)
+    if structure is not None:
+        from beadwave.workflows.stages.crystal.structure import require_unique  # loads fem
+
+        require_unique(scene, start, structure)
+    arguments = (start.packing, wall(scene) if structure is None else structure, start.velocity)
     if time.dt is not None:
         return space.march(*arguments, dt=time.dt, **run)
     return space.march_to_error(*arguments, error=time.error, **run)

@@ -42,7 +42,7 @@ def crystal_numbers(
     numbers = {
         "dt_s": march.dt,
         "n_steps": march.n_steps,
-        "n_wall_modes": int(march.wall_x.any()),
+        "n_wall_modes": march.wall_q.shape[1],
         "energy_error": march.energy_error,
         "error_spheres": tuple(int(n) for n in start.number[march.saved][:1000]),
         "sphere_errors_m_s": () if errors is None else tuple(map(float, errors.velocity[:1000])),
@@ -56,7 +56,8 @@ def crystal_numbers(
 def on_last_wall(scene: Scene, start: CrystalStart, march: SpaceTrajectory) -> np.ndarray | None:
     """(k,) [N] of all saved contacts of the last row with what is behind it; None where nothing
     is, or where not all of the row is saved."""
-    if scene.wall is None or not np.isin(start.last, march.saved).all():
+    leans = scene.wall is not None or scene.crystal.on is not None
+    if not leans or not np.isin(start.last, march.saved).all():
         return None
     packing = start.packing
     behind = (packing.pairs[:, 1] < 0) & (packing.arm[:, start.axis] > 0.5)

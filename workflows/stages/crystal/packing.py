@@ -145,10 +145,20 @@ def _of_lattice(scene: Scene) -> CrystalStart:
 def _planes(scene: Scene, centre, radius, axis: int, last) -> list[space.Plane]:
     """What the last row and the sides lean on, just touching."""
     planes = []
+    gap = (centre[last, axis] + radius[last]).max() - centre[last, axis] - radius[last]
+    if scene.crystal.on is not None:
+        # each sphere touches the structure at a point of its own
+        body = scene.made_of(scene.struck_body)
+        if isinstance(body.young, tuple):
+            raise InvalidScene(
+                f"{scene.name}: crystal.on = {scene.crystal.on!r} is of an orthotropic material, "
+                "which is not taken here; lean the crystal on an isotropic body."
+            )
+        material, along = (body.young, body.poisson), np.eye(3)[axis]
+        planes.append(space.Plane(last, along, -gap, *material, point=np.arange(len(last))))
     if scene.wall is not None:
         material, along = flat(scene), np.eye(3)[axis]
         point = 0 if isinstance(scene.wall, OneDofWall) else None
-        gap = (centre[last, axis] + radius[last]).max() - centre[last, axis] - radius[last]
         planes.append(space.Plane(last, along, -gap, *material, point=point))
     if scene.crystal.sides == "rigid":
         for across in range(axis):

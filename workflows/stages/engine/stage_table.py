@@ -79,6 +79,11 @@ def has_crystal(scene: Scene) -> bool:
     return scene.crystal is not None
 
 
+def leans(scene: Scene) -> bool:
+    """True of a crystal whose last row leans on a structure."""
+    return has_crystal(scene) and scene.crystal.on is not None
+
+
 def asks_mesh_error(scene: Scene) -> bool:
     """True of bodies whose sizes of elements follow from an error asked of the mesh."""
     return bool(needs_structure(scene) and not bent(scene) and scene.mesh.error)
@@ -329,7 +334,15 @@ STAGES = (
     Stage(
         "reduction", ".structure.several:reduction",
         lambda scene: [_reduced(scene), _places(scene)],
-        ("model", "contact", "modes", "chain-contacts"), when=has_chains, means=("factor",),
+        ("model", "modes", "chain-contacts"), when=has_chains, means=("factor",),
+    ),
+    Stage(
+        "row-contacts", ".crystal.structure:contacts", tables_of("crystal", "friction"),
+        ("mesh", "model", "contact"), when=leans,
+    ),
+    Stage(
+        "reduction", ".crystal.structure:reduction", _reduced,
+        ("model", "contact", "modes", "row-contacts"), when=leans, means=("factor",),
     ),
     Stage(
         "reduction", ".structure.reduction:reduction", _reduced, ("model", "contact", "modes"),
@@ -486,12 +499,22 @@ STAGES = (
     # a crystal
     Stage(
         "crystal", ".crystal.packing:start",
-        tables_of("crystal", "contact", "wall", "friction", "gravity", "time"),
+        tables_of(
+            "crystal", "contact", "wall", "friction", "gravity", "time", "bodies", "materials"
+        ),
         when=has_crystal, kept=False, listed=False,
     ),
     Stage(
-        "crystal-march", ".crystal.march:march", tables_of("time", "output", "wall"), ("crystal",),
-        when=has_crystal,
+        "structure", ".crystal.structure:structure", _wall_reads, ("reduction", "row-contacts"),
+        when=leans, kept=False, listed=False,
+    ),
+    Stage(
+        "crystal-march", ".crystal.march:march", tables_of("time", "output", "wall"),
+        ("crystal", "structure"), when=has_crystal,
+    ),
+    Stage(
+        "crystal-error", ".crystal.structure:reduction_error", tables_of("time", "output"),
+        ("crystal", "crystal-march", "reduction", "row-contacts"), when=leans,
     ),
     Stage(
         "crystal-modes", ".crystal.linear:crystal_modes", tables_of("crystal"), ("crystal",),
@@ -621,6 +644,11 @@ STAGES = (
         "page", ".pages.page:data", _shown,
         ("chains-files", "chains-numbers", "model-files", "response-files", "structure-numbers"),
         when=has_chains, listed=False,
+    ),
+    Stage(
+        "page", ".pages.page:data", _shown,
+        ("crystal-files", "crystal-numbers", "model-files", "response-files", "structure-numbers"),
+        when=leans, listed=False,
     ),
     Stage(
         "page", ".pages.page:data", _shown, ("crystal-files", "crystal-numbers"),

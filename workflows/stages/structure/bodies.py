@@ -133,7 +133,8 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
             gap,
             scene.mesh.scale,
             {name: scene.seed_of(name) for name in bodies},
-            [(hit.face.body, hit.point, size) for hit, size in hits],
+            # a crystal's last row touches at many places, none of them finer than the face
+            [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal],
             coarser,
             "tet" if scene.mesh.element == "tet" else None,
             sizes.fields,
@@ -159,7 +160,9 @@ def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[St
     """Places that are struck, with the size of elements [m] there: that of the scene, or of each of
     several chains in their order. Raises InvalidScene where another body lies on one."""
     several = scene.of_each_chain
-    if not several:
+    if scene.crystal:
+        strikes = {"crystal": (scene, selection.struck)} if scene.strike else {}
+    elif not several:
         strikes = {"strike": (scene, selection.struck)} if scene.strike else {}
     else:
         strikes = {
@@ -171,7 +174,7 @@ def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[St
         try:
             hit = struck(one, layout.bodies, selected)
         except InvalidScene as error:
-            radius = "radius" if key == "strike" else "patch_radius"
+            radius = "radius" if key == "strike" else "patch_radius"  # of chains and crystals
             words = str(error).replace("strike.radius", f"{key}.{radius}")
             raise InvalidScene(words.replace("strike.", f"{key}.")) from None
         # another body on the face at the point struck would be struck in its place

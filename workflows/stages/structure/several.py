@@ -16,7 +16,7 @@ from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import solid
 from beadwave.workflows.stages.structure.loss_factors import strain_of
 from beadwave.workflows.stages.structure.meshed_parts import Parts
-from beadwave.workflows.stages.structure.reduction import contact_of, names, targets_kept
+from beadwave.workflows.stages.structure.reduction import names, targets_kept
 from beadwave.workflows.stages.structure.strike import surface_of
 
 
@@ -62,7 +62,6 @@ def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
 def reduction(
     scene: Scene,
     model: fem.Model,
-    contact: fem.ContactPatch,
     modes: AssemblyModes,
     contacts: ChainContacts,
     factor: fem.Factor | None = None,
@@ -70,32 +69,49 @@ def reduction(
     """The structure in as many modes as keep the response at every contact to the scene's error,
     and between them; the first chain's contact is the model's own, the others are loads by the
     chains' names. Raises rom.ReductionError."""
-    table, others = scene.reduction, tuple(row.name for row in scene.chains[1:])
-    with fem.one_thread():
-        reduced = rom.several_contacts(
-            model.K, model.M, contacts.w, error=table.error, to_hz=table.to_hz or TO_HZ,
-            names=others, modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
-        )  # fmt: skip
-    struck = contact_of(scene, model, contact)._replace(
+    struck = contacts.surface[0]._replace(
         half_space=float(contacts.half_space[0]),
-        modes_hz=tuple(modes.paired_hz.values()) or None,
         point=tuple(contacts.point[0].tolist()),
         direction=tuple(contacts.direction[0].tolist()),
     )
+    others = tuple(row.name for row in scene.chains[1:])
+    return reduced_to(scene, model, modes, contacts.w, others, struck, factor)
+
+
+def reduced_to(
+    scene: Scene,
+    model: fem.Model,
+    modes: AssemblyModes,
+    w: NDArray[np.float64],
+    names_of_loads: tuple[str, ...],
+    struck: rom.Contact,
+    factor: fem.Factor | None,
+) -> rom.ReducedModel:
+    """The model in as many modes as keep the response at every contact of w (n, p) to the scene's
+    error, with the way back to the outer nodes, names and masses; `struck` is the first one, which
+    is the model's own. Raises rom.ReductionError."""
+    table = scene.reduction
+    with fem.one_thread():
+        reduced = rom.several_contacts(
+            model.K, model.M, w, error=table.error, to_hz=table.to_hz or TO_HZ,
+            modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
+        )  # fmt: skip
+    named = reduced.columns._replace(load_names=names_of_loads)
+    struck = struck._replace(modes_hz=tuple(modes.paired_hz.values()) or None)
     if isinstance(scene.damping, LossFactorsTable):
         struck = struck._replace(strain=strain_of(scene, model, modes))
 
-    # what it carries besides: the way back to the outer nodes, names, masses
     outer = fem.outer_nodes(model.structure)
     T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
     body = fem.rigid_body(model.structure)
     centre = tuple((np.round(body.centre, 9) + 0.0).tolist())
-    motion = np.tile(contacts.direction[0], model.T.shape[0] // 3)
+    motion = np.tile(struck.direction, model.T.shape[0] // 3)
     captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
     return reduced._replace(
         T=None,
         surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
         coordinates=names(model, np.zeros(0, np.int64), reduced),
+        columns=named,
         contact=struck,
         mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
         finer=reduced.finer._replace(contact=struck),
