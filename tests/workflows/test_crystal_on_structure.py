@@ -40,8 +40,6 @@ def test_the_last_row_presses_points_of_its_own(struck):
     assert summary.energy_error < 1e-6
     errors = summary.error_estimate
     assert errors.time <= 1e-4 and 0.0 < errors.reduction < 1e-3
-    # a mirror plane through the struck column: both sides of the row alike
-    assert a["wall_force"][:, 0] == pytest.approx(a["wall_force"][:, 2], abs=0.02 * 20.0)
     assert struck.data.wall_force.dims == ("time", "direction")
 
 
@@ -63,20 +61,25 @@ def test_friction_reaches_the_structure_across(struck):
     rubbing = beadwave.impact(SCENE, {"friction.coefficient": 0.3})
     a = rubbing.arrays
     assert a["wall_force"].shape == (151, 9)
-    across = a["wall_force"].reshape(151, 3, 3)[:, :, 1]
-    assert np.abs(across).max() > 0.1
-    # outer spheres are pushed apart, to either side
-    assert np.abs(across[:, 0] + across[:, 2]).max() < 0.05 * np.abs(across).max()
+    normal, across = a["wall_force"].reshape(151, 3, 3)[:, :, :2].transpose(2, 0, 1)
+    assert 0.1 < np.abs(across).max() and np.all(np.abs(across) <= 0.3 * normal + 1e-9)
     assert rubbing.summary.energy_error < 1e-6
     assert a["dissipated_friction"][-1] > 0.0
 
 
 def test_the_row_may_be_moved_on_its_face():
+    """Mirrored places of a symmetric block: the row's two ends change roles, up to its mesh."""
+    rows = BLOCK | {
+        "crystal": PACKING | {
+            "lattice": "square", "size": [3, 2], "striker": {"row": 0, "velocity": 0.3}
+        }
+    }  # fmt: skip
     left, right = (
-        beadwave.impact(SCENE, {"crystal.at": [x, 0.0]}).arrays["wall_force"] for x in (-0.02, 0.02)
+        beadwave.impact(rows, {"crystal.at": [x, 0.0]}).arrays["wall_force"] for x in (-0.03, 0.03)
     )
-    # mirrored places of a symmetric block: the row's two ends change roles, up to its mesh
     assert left[:, 0] == pytest.approx(right[:, 2], abs=0.02 * left.max())
+    # at the edge the block gives way more than in its middle
+    assert left[:, 0].max() < 0.999 * left[:, 2].max()
 
 
 @pytest.mark.slow
@@ -91,7 +94,7 @@ def test_a_run_leaves_the_page_and_the_reduced_model(tmp_path, own_folder):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"crystal": PACKING | {"size": [9, 3]}}, "leaves it; take fewer columns"),
+        ({"crystal": PACKING | {"size": [10, 3]}}, "leaves it; take fewer columns"),
         ({"crystal": PACKING | {"sides": "periodic"}}, "has no end on a face"),
         ({"crystal": PACKING | {"force": 1.0}}, "starts without a load"),
         ({"crystal": PACKING | {"patch_radius": 0.01}}, "patches overlap"),

@@ -117,7 +117,8 @@ def page_data(folder: Path, summary: Summary, limits: PageLimits = PageLimits())
             plot.append((sensor.label, sensor.unit, y))
         data["signals"] = _sampled(columns[0], plots, limits)
 
-    if reduced := reduced_model(folder, scene):
+    reduced = reduced_model(folder, scene)
+    if reduced and scene.crystal is None:  # the view of a crystal moves its spheres alone
         data["assembly"] = _moving_surface(reduced, scene, run, summary, limits)
     if response := arrays(folder / "response.npz"):
         data["response"] = {
