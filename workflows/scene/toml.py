@@ -45,7 +45,7 @@ INSTEAD = {
     "wall.plate_thickness": {"coefficient"},
     **{
         f"{table}.material": {"young", "poisson", "density", "yield_stress"}
-        for table in ("chain", "crystal", "wall", "beam", "plate")
+        for table in ("chain", "chains.NAME", "crystal", "wall", "beam", "plate")
     },
     "beam.thickness": {"diameter", "bore", "area", "second_moment"},
     "beam.width": {"diameter", "bore", "area", "second_moment"},
@@ -267,7 +267,7 @@ def _pair(change: Change) -> tuple[str, Any]:
 def instead_of(key: str) -> set[str]:
     """The keys of its table that a dotted key takes the place of."""
     words = key.split(".")
-    of_a_name = words[0] in ("shakers", "joints") and len(words) > 2
+    of_a_name = words[0] in ("shakers", "joints", "chains") and len(words) > 2
     return INSTEAD.get(f"{words[0]}.NAME.{words[-1]}" if of_a_name else key, set())
 
 
