@@ -172,12 +172,12 @@ def has_pardiso() -> bool:
 @cache
 def _mkl() -> str:
     """Path of the MKL that pypardiso finds; raises ImportError where it finds none."""
-    from pypardiso import PyPardisoSolver
-
-    # where wheels have it: pypardiso itself would walk through all that is installed, which took
-    # 0.8 s of the processor
+    # where wheels have it: pypardiso itself, already when it is imported, would walk through all
+    # that is installed, which took 0.8 s of the processor
     folders = (Path(sys.prefix, *folder) for folder in (("lib",), ("Library", "bin")))
     libraries = [path for folder in folders for path in folder.glob("*mkl_rt*")]
     if libraries:
         environ.setdefault("PYPARDISO_MKL_RT", str(libraries[0]))
+    from pypardiso import PyPardisoSolver
+
     return PyPardisoSolver().libmkl._name
