@@ -38,6 +38,9 @@ def modes(
     from beadwave.workflows.scene import InvalidScene
     from beadwave.workflows.structure import api
 
+    amplitude = call.given.pop("amplitude", False)
+    if amplitude and (inp or step or table):
+        raise InvalidScene("--amplitude is of modes alone; drop --inp, --step and --table.")
     if (inp or step) and (table or "out" in call.given):
         raise InvalidScene("--inp and --step write the model alone; drop --table and --out.")
     if inp or step:
@@ -47,7 +50,7 @@ def modes(
         call.function = api.thesis_table
         print_report(call(table=table), call.json, call.quiet)
     else:
-        print_report(call().table, call.json, call.quiet)
+        print_report(call(amplitude=amplitude).table, call.json, call.quiet)
 
 
 @verb(
