@@ -13,6 +13,10 @@ from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
 from beadwave.fem.assembly.chord_height import area_vectors
 from beadwave.fem.assembly.elasticity import Structure
 
+# of a facet's size, up to which a point is on it: the CAD kernel draws one rectangle on two bodies
+# up to 2e-7 of it apart
+ON_FACE = 1e-5
+
 
 class OffFace(ValueError):
     """A point lies off the face that it should be on."""
@@ -145,7 +149,7 @@ def located(
     # pairs (point, facet) where the point is in the facet's bounding box; a curved facet leaves its
     # chord by up to its bulge
     bulge = _bulge(mesh, facets)
-    tolerance = max(1e-7 * size, gap, bulge.max(initial=0.0))
+    tolerance = max(ON_FACE * size, gap, bulge.max(initial=0.0))
     lower, upper = corners.min(axis=1) - tolerance, corners.max(axis=1) + tolerance
     in_box = np.ones((len(points), len(facets)), dtype=bool)
     for axis in range(3):
@@ -171,7 +175,7 @@ def located(
 
     # how far each point lies from the nearest facet
     candidates = corners[:, :, facet]
-    miss = 1e-5 * np.ptp(candidates, axis=1).max(axis=0) + bulge[facet]
+    miss = ON_FACE * np.ptp(candidates, axis=1).max(axis=0) + bulge[facet]
     distance = np.full(len(points), np.inf)
     np.minimum.at(distance, point, facet_distances(candidates, points[point].T) - miss)
     return LocatedPoints(cell, X_of_point, distance)

@@ -17,6 +17,7 @@ N_PLACES = 400  # along an axis, at which sizes are told apart
 SAME_FOOT = (
     0.1  # of the smallest size: points closer than this across an axis are one above another
 )
+SAME_BOX = 1e-6  # of the largest side: the kernel's boxes differ by its tolerance
 STEP = 2**0.25  # of sizes: rounding does not make another mesh
 
 
@@ -44,6 +45,24 @@ class SizeField(NamedTuple):
         """Smallest sizes (n,) [m] across an axis (3,)."""
         other = [not (np.any(along) and parallel(along, axis)) for along in self.axes]
         return self.sizes[:, other].min(axis=1)
+
+    def stretched(self, box: NDArray[np.float64], onto: NDArray[np.float64]) -> "SizeField":
+        """The field of a body in a box (2, 3) [m], lower and upper corner, for the body in another
+        one: points keep their place in the box; a size grows as the box does along its axis, one of
+        all other directions as it does where it grows least."""
+        if np.allclose(box, onto, rtol=0.0, atol=SAME_BOX * np.ptp(box, axis=0).max()):
+            return self
+        times = np.ptp(onto, axis=0) / np.ptp(box, axis=0)
+        sizes = self.sizes.copy()
+        for row, along in enumerate(self.axes):
+            if np.any(along):
+                sizes[:, row] *= np.linalg.norm(along * times)
+            else:
+                others = self.axes[np.any(self.axes, axis=1)]
+                within = ~np.any(np.abs(others) > 1 - SAME_BOX, axis=0)
+                sizes[:, row] *= times[within if within.any() else slice(None)].min()
+        points = onto[0] + (self.points - box[0]) * times
+        return self._replace(points=points, sizes=rounded(sizes))
 
     def at(self, x: NDArray[np.float64], axis: Vector) -> NDArray[np.float64]:
         """Smallest sizes (k,) [m] along an axis (3,) at the coordinates x (k,) [m] along it."""

@@ -149,6 +149,16 @@ def test_a_tie_between_meshes_that_match_is_the_merged_mesh():
     np.testing.assert_allclose(frequencies(tied(cut)), frequencies(single), rtol=1e-9)
 
 
+def test_a_tie_bridges_what_the_kernel_draws_one_rectangle_apart_on_two_bodies():
+    """Edges of a box imprinted on another one lay 1.5e-7 of an element outside of that one's."""
+    z = np.linspace(0, UPPER, 7)
+    line = np.linspace(-0.01, 0.01, 4)
+    meshes = [MeshHex.init_tensor(line, line, part) for part in (z[:4], z[3:])]
+    same = frequencies(tied(stacked(*meshes, z[3])))
+    wider = [meshes[0], meshes[1].scaled((1 + 1e-6, 1 + 1e-6, 1.0))]
+    np.testing.assert_allclose(frequencies(tied(stacked(*wider, z[3]))), same, rtol=1e-5)
+
+
 def test_constraints_in_a_circle_are_refused():
     def follow(slave, master):
         A = np.zeros((1, 3))

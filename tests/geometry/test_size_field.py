@@ -38,6 +38,27 @@ def points():
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
+def test_a_field_follows_the_box_of_its_body():
+    """Twice as long along x and a third as thick along z: places keep their share of the box, sizes
+    along each axis theirs, those of tetrahedra the least."""
+    box = np.array([-SIDE / 2, SIDE / 2])
+    onto = box * [2.0, 1.0, 1 / 3] + [1.0, 0.0, 0.0]
+    p = points()
+    along = SizeField(p, rounded(np.full((len(p), 3), 4e-3)), np.eye(3))
+    assert along.stretched(box, box + 1e-9) is along
+    moved = along.stretched(box, onto)
+    share = (moved.points - onto[0]) / np.ptp(onto, axis=0)
+    assert np.allclose(share, (p - box[0]) / np.ptp(box, axis=0), atol=1e-12)
+    times = moved.sizes[0] / along.sizes[0]
+    assert times == pytest.approx([2.0, 1.0, 1 / 3], rel=0.1)  # steps of 2^(1/4)
+    of_any = along._replace(sizes=along.sizes[:, :1], axes=np.zeros((1, 3)))
+    assert of_any.stretched(box, onto).sizes[0, 0] == moved.sizes[0, 2]
+    # across z of an extrusion, the least of x and y
+    axes = np.array([np.zeros(3), [0.0, 0.0, 1.0]])
+    layered = along._replace(sizes=along.sizes[:, :2], axes=axes).stretched(box, onto)
+    assert layered.sizes[0] == pytest.approx([along.sizes[0, 0], moved.sizes[0, 2]])
+
+
 def test_tetrahedra_are_small_where_it_is_asked():
     p = points()
     sizes = np.where(p[:, 0] < 0, 3e-3, 9e-3)[:, None]

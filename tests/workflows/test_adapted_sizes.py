@@ -1,5 +1,7 @@
 """Sizes of elements from mesh.error: what is stated, true, counted and refused."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,8 @@ from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.errors import adapted_sizes
 from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.meshed_parts import SolvedMesh
+from beadwave.workflows.stages.structure.sizes_file import NUMBERS
+from beadwave.workflows.sweep.cases import base_of
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -28,6 +32,27 @@ box = [0.02, 0.06, 0.1]
 [bodies.arm]
 box = [0.1, 0.06, 0.012]
 at = [0.06, 0.0, 0.044]
+"""
+
+ARM = """
+name = "arm"
+assembly = { held = ["base:-z"], material = "steel", touching = "free" }
+materials = { steel = { young = 210e9, poisson = 0.3, density = 7850.0 } }
+mesh = { error = 0.03, unknowns = 8000 }
+[bodies.base]
+box = [0.02, 0.02, 0.02]
+[bodies.arm]
+box = [0.02, 0.02, 0.1]
+at = [0.0, 0.0, 0.06]
+[[joints]]
+name = "foot"
+between = "arm|base"
+at = [[0.0, 0.0, 0.01]]
+washer = 0.008
+krx = 1e4
+[[targets]]
+number = 1
+hz = 800.0
 """
 
 
@@ -146,3 +171,100 @@ def test_the_last_mesh_of_the_search_is_not_solved_again(tmp_path, monkeypatch):
     later = of("cantilever", "mesh.error=0.02")
     assert np.array_equal(later("mesh").meshes["beam"].p, held("mesh").meshes["beam"].p)
     assert {stage.name for stage in later.reports} == {"mesh"}
+
+
+def test_a_run_leaves_sizes_that_the_next_one_takes(tmp_path):
+    """Without a search, even of another error asked; of a shorter beam at the same share of it."""
+    change = {"mesh.error": 0.02, "chain.count": 3, "output.spheres": [1], "time.duration": 2e-4}
+    first = beadwave.run("cantilever", change, out=tmp_path / "run")
+    file = tmp_path / "run" / "sizes.npz"
+    held = of("cantilever", "mesh.error=0.02")
+    again = of("cantilever", f"mesh.sizes={file}")
+    assert np.array_equal(again("mesh").meshes["beam"].p, held("mesh").meshes["beam"].p)
+    numbers = again("mesh-numbers")
+    assert numbers.asked == 0.02
+    assert numbers.stated == pytest.approx(first.summary.mesh.stated, rel=1e-3)
+    assert numbers.bounded_by is None
+    strict = of("cantilever", f"mesh.sizes={file}", "mesh.error=0.001")("mesh-numbers")
+    assert strict.bounded_by == "sizes"
+    assert strict.stated == pytest.approx(numbers.stated)
+
+    half = ("bodies.beam.box=[0.15, 0.012, 0.02]", "strike.at=[0.05, 0.0]")
+    shorter = of("cantilever", f"mesh.sizes={file}", *half)
+    x, of_whole = (np.unique(p("mesh").meshes["beam"].p[0].round(9)) for p in (shorter, held))
+    # not half as many, as with sizes that stay
+    assert len(x) == pytest.approx(len(of_whole), abs=3)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "sentence"),
+    [
+        (None, "mesh.sizes = .*no.npz does not exist; give the sizes.npz of a run"),
+        ({}, "has no array 'asked'"),
+        ({"points.beam": np.zeros((2, 3))}, "has no array 'sizes.beam'"),
+        ({"usual": np.array(0.0)}, "'usual' = 0 must be above 0"),
+        ({"stated": np.array(np.nan)}, "'stated' is no number of 0 or above"),
+        (
+            {
+                "points.beam": np.zeros((2, 3)),
+                "sizes.beam": np.zeros((2, 1)),
+                "axes.beam": np.zeros((1, 3)),
+                "box.beam": np.array([np.zeros(3), np.ones(3)]),
+            },
+            "sizes and box of 'beam' must be above 0",
+        ),
+        ({"points.beam": np.zeros((2, 2)), "sizes.beam": np.ones((2, 1)),
+          "axes.beam": np.zeros((1, 3)), "box.beam": np.ones((2, 3))}, "'points.beam' is no array"),
+    ],
+)  # fmt: skip
+def test_a_file_that_holds_no_sizes_is_refused_in_a_sentence(arrays, sentence, tmp_path):
+    path = tmp_path / "no.npz"
+    if arrays is not None:
+        usual = {name: np.array(1.0) for name in NUMBERS} if arrays else {}
+        np.savez(path, **usual | arrays)
+    with pytest.raises(InvalidScene, match=sentence):
+        of("cantilever", f"mesh.sizes={path}")("sizes")
+
+
+def test_cases_of_a_sweep_share_the_sizes_of_the_scene(tmp_path):
+    """Of a beam of half the width the error is twice what it was: its row says so."""
+    changes = {"mesh.error": 0.01, "time.duration": 1e-4}
+    base = base_of("cantilever", changes)
+    width = {"bodies.beam.box": [0.3, 0.004, 0.02]}
+    usual, thin = base.with_values({}), base.with_values(width)
+    assert thin.sizes_of == usual.sizes_of == usual
+    assert base.with_values({"mesh.error": 0.02}).sizes_of.mesh.error == 0.02
+    sizes = [pipeline_of(one, quiet)("sizes").sizes for one in (usual, thin)]
+    assert all(map(np.array_equal, *(one.fields["beam"] for one in sizes)))
+
+    over = {"bodies.beam.box": [[0.3, 0.012, 0.02], [0.3, 0.004, 0.02]]}
+    table = beadwave.sweep("cantilever", changes, over=over, out=tmp_path / "sweep")
+    first, second = table.columns["message"].tolist()
+    assert first == ""
+    assert "its sizes were chosen with other values" in second
+    assert any("more than mesh.error asks for in 1 of 2 cases" in note for note in table.notes)
+
+
+def test_a_fit_is_repeated_with_the_sizes_that_its_values_ask_for(tmp_path):
+    """An arm on a joint that is soft in the scene, where the first mode turns the arm as it is, and
+    stiff in the structure, where it bends."""
+    file = tmp_path / "arm.toml"
+    file.write_text(ARM)
+    result = beadwave.tune(file, {"joints.foot.krx": 1e3}, free="joints.foot.krx")
+    assert any("were chosen again at fitted values" in said for said in result.report.remarks)
+    assert result.scene.sizes_of is result.scene
+
+
+def test_rigid_motions_are_no_goals_and_nothing_to_bound_is_said():
+    """A target that is a rigid motion leaves the elastic modes; thirty rigid motions leave none."""
+    omega = np.array([0.0, 0.0, 5.0, 6.0])
+    free = scene("cantilever", {"mesh.error": 0.02})
+    index = np.array([1, -1])
+    modes = SimpleNamespace(omega=omega, index=index)
+    assert adapted_sizes.goals(free, modes).tolist() == [2, 3]
+    modes.index = np.array([1, 3])
+    assert adapted_sizes.goals(free, modes).tolist() == [3]
+    loose = SimpleNamespace(omega=np.zeros(30), index=index)
+    solved = adapted_sizes.Solved(None, None, None, None, loose, None, None)
+    with pytest.raises(InvalidScene, match="first 30 modes are rigid motions; hold or join"):
+        adapted_sizes.indicators(free, solved)

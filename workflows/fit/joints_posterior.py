@@ -326,7 +326,8 @@ def posterior_of(
         )
 
     # the full model at the most likely values is the judge of the projection
-    full = pipeline_of(at_values(loose, parameters, posterior.lobes[0].best[:-1]), progress)
+    likely = at_values(loose, parameters, posterior.lobes[0].best[:-1]).with_sizes_of(loose)
+    full = pipeline_of(likely, progress)
     for i, hz in full("modes").paired_hz.items():
         n = numbers[int(i) - 1]
         best = lobes[0].modes_hz.get(str(n))

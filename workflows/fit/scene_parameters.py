@@ -401,7 +401,9 @@ def scene_at(base: Base, keys: tuple[str, ...], values: np.ndarray) -> Scene:
 def changed_base(base: Base, values: dict[str, Any]) -> Base:
     """The scene with other values, to be varied further; raises InvalidScene."""
     base.with_values(values)
-    return Base(base.written._replace(tables=changed(base.written.tables, values.items())))
+    return base._replace(
+        written=base.written._replace(tables=changed(base.written.tables, values.items())), given=()
+    )
 
 
 def put(scene: Scene, keys: tuple[str, ...], values: np.ndarray) -> Scene:

@@ -281,7 +281,8 @@ class MeshNumbers(BaseModel):
     asked: float  # relative error
     stated: float
     floor: float  # of the stated error, which no mesh lowers: dents under springs
-    # what kept it above the one asked: unknowns, floor, singular (errors fall too slowly), meshes
+    # what kept it above the one asked: unknowns, floor, singular (errors fall too slowly), meshes,
+    # sizes (of another scene)
     bounded_by: str | None = None
     unknowns_for_asked: float | None = None  # foreseen
     seconds_for_asked: float | None = None

@@ -18,7 +18,7 @@ from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.engine.stage_table import needs_structure
+from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen, needs_structure
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv", "arrivals.csv")
 FILES = (
@@ -28,6 +28,7 @@ FILES = (
     "rom.mat",
     "response.npz",
     "modes.vtu",
+    "sizes.npz",
     *(f"figures/{name}.png" for name in CAPTIONS),
 )
 
@@ -58,6 +59,8 @@ def run(
             # the assembly: modes and reduced model, then all that needs its factor and its shapes
             if structure:
                 _write_files(pipeline, folder, "mode-files", "model-files")
+                if has_sizes_chosen(scene):
+                    _write_files(pipeline, folder, "size-files")
                 pipeline("full-response")
                 if scene.measured_hz:
                     pipeline("mac")
@@ -253,6 +256,9 @@ def summary_of(
         of_structure = pipeline("structure-numbers")
         if with_errors:
             number_errors += pipeline("structure-errors")
+            if has_sizes_chosen(scene):
+                numbers["mesh"] = pipeline("mesh-numbers")
+                sentences += warnings.mesh_above_asked(numbers["mesh"])
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
         if scene.measured:

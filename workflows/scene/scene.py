@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, model_validator
 
 from beadwave.workflows.scene.axes_of_test import AxesOfTest
 from beadwave.workflows.scene.body_grid import BodyGrid
@@ -97,6 +97,25 @@ class Scene(SceneTable):
     damping: Damping | None = None
     time: Time | None = None
     output: Output | None = None
+    _sizes_of: "Scene | None" = PrivateAttr(default=None)
+
+    @property
+    def sizes_of(self) -> "Scene":
+        """The scene whose mesh.error chooses the sizes of elements, itself but where a study chose
+        them once for all scenes that it varies."""
+        return self._sizes_of or self
+
+    def with_sizes_of(self, scene: "Scene | None") -> Self:
+        """This scene, with elements of the sizes that the mesh.error of another one chooses, None
+        for its own; without mesh.error as it is."""
+        if self.mesh is None or not self.mesh.error:
+            return self
+        origin = None if scene is None or scene.sizes_of == self else scene.sizes_of
+        if origin is self._sizes_of:
+            return self
+        copy = self.model_copy()
+        copy._sizes_of = origin
+        return copy
 
     @model_validator(mode="before")
     @classmethod

@@ -476,7 +476,8 @@ def neglected_coupling(scene: Scene, start: Start) -> Iterator[str]:
 
 
 def mesh_above_asked(mesh: MeshNumbers) -> Iterator[str]:
-    """The mesh states more than mesh.error, since a bound ended the search for its sizes."""
+    """The mesh states more than mesh.error, since a bound ended the search for its sizes, or since
+    they were chosen for another scene."""
     if mesh.bounded_by is None:
         return
     what = f"The mesh states an error of {percent(mesh.stated, 2)}, mesh.error = {mesh.asked:g} "
@@ -486,6 +487,8 @@ def mesh_above_asked(mesh: MeshNumbers) -> Iterator[str]:
         cost = f"some {mesh.unknowns_for_asked:.1e} unknowns and {mesh.seconds_for_asked:.0f} s"
     if mesh.bounded_by == "unknowns":
         yield f"{what}that takes {cost}, more than mesh.unknowns allows. Most arises {mesh.where}."
+    elif mesh.bounded_by == "sizes":
+        yield f"{what}its sizes were chosen with other values; a run of its own chooses them anew."
     elif mesh.bounded_by == "floor":
         yield (
             f"{what}{percent(mesh.floor, 2)} are dents under springs, which no mesh lowers; take "

@@ -12,8 +12,8 @@ from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene.required_parts import with_mac
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.engine.stage_table import asks_mesh_error
-from beadwave.workflows.stages.structure.health import mesh_numbers, shape_names
+from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
+from beadwave.workflows.stages.structure.health import shape_names
 from beadwave.workflows.structure.amplitude_table import (
     AmplitudeRow,
     amplitude_rows,
@@ -200,7 +200,7 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
         sentences += warnings.doubtful_parts(
             {row.number: 0.01 * (row.part_error_percent or 0.0) for row in rows}
         )
-    mesh = mesh_numbers(pipeline("sizes")) if asks_mesh_error(scene) else None
+    mesh = pipeline("mesh-numbers") if has_sizes_chosen(scene) else None
     if mesh:
         sentences += warnings.mesh_above_asked(mesh)
     return ModeTable(

@@ -37,8 +37,10 @@ from beadwave.workflows.scene.tables.bodies import MeasuredMode
 from beadwave.workflows.scene.toml import parsed, toml
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress
+from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
 from beadwave.workflows.stages.errors.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
 from beadwave.workflows.stages.structure.targets import remarks_on_axes
+from beadwave.workflows.stages.warnings import mesh_above_asked as above_asked
 from beadwave.workflows.structure.parameters import (
     FACTORS,
     at_values,
@@ -222,9 +224,25 @@ def tuned(
     match  {mode: Hz} wanted, modes by `Scene.measured_numbers`
     free   names of what may vary, `usual` ones of the rig without any
 
-    Raises InvalidScene for what has no joints, and where the modes determine no parameter though
-    they are met.
+    Sizes of elements that mesh.error chooses are those of the scene's own values; where they leave
+    a larger error at the fitted ones, they are chosen there and the fit is repeated once. Raises
+    InvalidScene for what has no joints, and where the modes determine no parameter though they are
+    met.
     """
+    result, report = _tuned_on(scene, match, free, progress)
+    chosen = has_sizes_chosen(scene) and not scene.mesh.sizes
+    if chosen and pipeline_of(result, progress)("mesh-numbers").bounded_by == "sizes":
+        anew = scene.with_sizes_of(result.with_sizes_of(None))
+        result, report = _tuned_on(anew, match, free, progress)
+        again = "Sizes of elements were chosen again at fitted values, and the fit was repeated."
+        report = report.model_copy(update={"remarks": [again, *report.remarks]})
+    return result.with_sizes_of(None), report
+
+
+def _tuned_on(
+    scene: Scene, match: dict[int, float], free: tuple[str, ...], progress: Progress
+) -> tuple[Scene, TuningReport]:
+    """As `tuned`, with elements of the sizes that the scene chooses at its own values."""
     scene, known = from_drawing(scene, free, progress)
     candidates = freed(scene, free or usual(scene, match), known)
 
@@ -275,7 +293,7 @@ def tuned(
     fitted = [supported(x, x * s) for x, s in zip(fit.value, fit.deviation, strict=True)]
     fit = fit._replace(value=np.array(fitted))
     result = at_values(loose, fit.parameters, fit.value)
-    result = result.remeasured({n: {"hz": hz} for n, hz in match.items()})
+    result = result.remeasured({n: {"hz": hz} for n, hz in match.items()}).with_sizes_of(scene)
     full = pipeline_of(result, progress)
     computed, mac = full("modes"), shape_mac(full)
     confirmed = {str(number[int(i) - 1]): hz for i, hz in computed.paired_hz.items()}
@@ -340,6 +358,7 @@ def tuned(
             *beyond_the_drawing(fit),
             *worth_of_the_bars(errors, scatter, spare),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
+            *(above_asked(full("mesh-numbers")) if has_sizes_chosen(result) else ()),
         ],
     )
     return result, report
@@ -502,18 +521,20 @@ def worth_of_the_mesh(
         f"the mesh makes mode {worst} {error:.2g} % too high, more than the fit misses "
         f"({missed:.2g} %): the fitted values make up for it."
     )
+
+    def keys(times: float, percent: float) -> str:
+        return refinement(scene, times, percent / 100).rstrip(",")
+
     if (cause := causes.get(str(worst))) is None:  # of few elements nothing is known but that
-        return [f"{sentence} Tune again with {refinement(scene, 0.5)}."]
+        return [f"{sentence} Tune again with {keys(0.5, error / 2)}."]
     wanted = max(missed, min(100 * MESH_ERROR, error / 2))
     times = size_for(wanted, error, cause)
     if times < FINEST_SCALE and cause.remedy:
         return [
             f"{sentence} It arises {cause.place}, where errors fall slowly with their size: take "
-            f"{cause.remedy}, or {refinement(scene, FINEST_SCALE)}, and tune again."
+            f"{cause.remedy}, or {keys(FINEST_SCALE, wanted)}, and tune again."
         ]
-    return [
-        f"{sentence} Bring it to {wanted:.2g} % with {refinement(scene, times)}, and tune again."
-    ]
+    return [f"{sentence} Bring it to {wanted:.2g} % with {keys(times, wanted)}, and tune again."]
 
 
 def targets(match: str, measured: Mapping[int, float]) -> dict[int, float]:
@@ -580,7 +601,8 @@ def projected(
 def loosened(scene: Scene, parameters: Sequence[TuningParameter]) -> Scene:
     """The scene with finite springs where they vary, all else that varies at a factor of 1."""
     start = [p.start if p.springs else 1.0 for p in parameters]
-    return at_values(scene, parameters, np.array(start))
+    loose = at_values(scene, parameters, np.array(start))
+    return loose.with_sizes_of(scene)
 
 
 def shape_mac(full: Pipeline) -> dict[str, float]:

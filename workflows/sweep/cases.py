@@ -22,13 +22,16 @@ class Base(NamedTuple):
 
     written: Written
     given: tuple[str, ...] = ()  # dotted keys that changes set
+    sizes_of: Scene | None = None  # its mesh.error chooses the sizes of elements of all cases
 
     def with_values(self, values: dict[str, Any]) -> Scene:
         """The scene of one case; raises InvalidScene."""
         # the kind of a table first, since to change it drops the other keys of the table
         ordered = sorted(values.items(), key=lambda pair: not pair[0].endswith(".kind"))
         tables = changed(self.written.tables, ordered)
-        return with_chain(completed(self.written._replace(tables=tables)))
+        scene = with_chain(completed(self.written._replace(tables=tables)))
+        meshed = any(key.startswith("mesh.") for key in values)
+        return scene if meshed or self.sizes_of is None else scene.with_sizes_of(self.sizes_of)
 
     def number(self, key: str, text: str) -> float:
         """Value of a text for a key of the scene, with its unit; raises InvalidScene."""
@@ -48,8 +51,8 @@ def base_of(source: Source, changes: Changes) -> Base:
     """The scene of a name, file or tables with its changes; raises InvalidScene."""
     pairs = each(changes)
     base = Base(written(source, pairs), keys_set(pairs))
-    base.with_values({})
-    return base
+    scene = base.with_values({})
+    return base._replace(sizes_of=scene)
 
 
 class Group(NamedTuple):

@@ -101,6 +101,7 @@ def _side_by_side(
         spheres, batch.t, batch.v, batch.wall_force,
         energy_error=batch.energy_error, error_time=batch.error_estimate,
         error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
+        message=shared.message,
         dt_s=batch.dt, steps=batch.n_steps, seconds=seconds,
     )  # fmt: skip
     return [*finished, Rows(group.cases, table, saved(scene, batch) if signals else None)]
@@ -152,6 +153,7 @@ def _one_by_one(
             energy_error=run.energy_error,
             error_time=error_time,
             error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
+            message=shared.message,
             dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started, **across,
         )  # fmt: skip
         series = {"t": run.t, "v": v, "wall_force": force} if signals else None

@@ -7,11 +7,17 @@ import numpy as np
 
 from beadwave import coupling, dem
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
+from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.chain.chain import start
 from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import wall_of
 from beadwave.workflows.stages.engine.pipeline import Pipeline, pipeline_of
-from beadwave.workflows.stages.engine.stage_table import Stage, needs_structure, tables_of
+from beadwave.workflows.stages.engine.stage_table import (
+    Stage,
+    has_sizes_chosen,
+    needs_structure,
+    tables_of,
+)
 
 FAILURES = (
     dem.InvalidChain, dem.NoEquilibrium, dem.UnstableStep, coupling.CouplingError, InvalidScene,
@@ -52,6 +58,7 @@ class Models(NamedTuple):
     reduction: Any
     second: Any | None
     errors: tuple[float, float] | None = None  # where springs vary: those of the source
+    of_mesh: str = ""  # a sentence where the mesh states more than mesh.error asks for
 
 
 class SharedWall(NamedTuple):
@@ -62,6 +69,7 @@ class SharedWall(NamedTuple):
     error_reduction: float = float("nan")
     error_mesh: float = float("nan")
     failure: str = ""
+    message: str = ""  # on the mesh, in the row of each case
     surface: Any = None  # rom.Contact of the face struck
 
 
@@ -86,8 +94,11 @@ def models(source: Source) -> Models | str:
             of_mesh = pipeline(second)
         except ValueError:  # no other mesh tells the error of this one
             of_mesh = None
+        sentences: list[str] = []
+        if of_mesh is not None and has_sizes_chosen(source.scene):
+            sentences += warnings.mesh_above_asked(pipeline("mesh-numbers"))
         pipeline.release()
-        reduced = Models(first, of_mesh)
+        reduced = Models(first, of_mesh, of_mesh=" ".join(sentences))
         if not source.springs:
             return reduced
         usual = Models(reduced.reduction.reduced, reduced.second)
@@ -111,10 +122,15 @@ def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> Sh
         if source.springs:
             springs = {name: scene.stiffness(name) for name in source.springs}
             reduced = models.reduction.with_stiffness(springs)
-            return SharedWall(wall_of(scene, reduced), *models.errors, surface=reduced.contact)
+            return SharedWall(
+                wall_of(scene, reduced), *models.errors,
+                message=models.of_mesh, surface=reduced.contact,
+            )  # fmt: skip
         reduced_wall = wall_of(scene, models.reduction)
         errors = _errors(scene, reduced_wall, models)
-        return SharedWall(reduced_wall, *errors, surface=models.reduction.contact)
+        return SharedWall(
+            reduced_wall, *errors, message=models.of_mesh, surface=models.reduction.contact
+        )
     except FAILURES as reason:
         return SharedWall(failure=sentence(reason))
 

@@ -51,7 +51,7 @@ class Sweep:
         self.notes = (
             *notes,
             *_of_large_errors(self.columns, "points" if self.face else "cases"),
-            *(_of_points(self.columns) if self.face else ()),
+            *(_of_points(self.columns) if self.face else _of_sizes(self.columns)),
             *_of_the_striker(self.columns),
         )
 
@@ -221,6 +221,17 @@ def _of_large_errors(columns: dict[str, Array], rows: str) -> Iterator[str]:
                 f"{100 * np.nanmax(error):.2g} % at the worst, see error_{source} in the table: "
                 f"{CURES[source]}."
             )
+
+
+def _of_sizes(columns: dict[str, Array]) -> Iterator[str]:
+    """A sentence on the cases whose mesh misses more than mesh.error, by the sizes that the scene
+    swept has chosen."""
+    marked = (columns["status"] == DONE) & (columns["message"] != "")
+    if marked.any():
+        yield (
+            f"The mesh states more than mesh.error asks for in {marked.sum()} of "
+            f"{(columns['status'] == DONE).sum()} cases; `message` in the table says by how much."
+        )
 
 
 def _of_points(columns: dict[str, Array]) -> Iterator[str]:

@@ -17,6 +17,8 @@ puts more nodes under each washer and so ties more of the face; here washers are
 geometry, and every mesh ties the same area.
 """
 
+from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
@@ -38,8 +40,11 @@ from beadwave.workflows.scene.required_parts import with_assembly
 from beadwave.workflows.scene.rig import PARTS, RigScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import Progress, quiet
+from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
 from beadwave.workflows.stages.errors.second_mesh import COARSER
 from beadwave.workflows.stages.structure import assembly as stages
+from beadwave.workflows.stages.structure import bodies
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.targets import targets
 
 SEEDS = (11.3e-3, 5.66e-3, 2.83e-3)  # [m] ratio 2: the fewest that have a limit and an order
@@ -130,11 +135,17 @@ def error_of_the_block(hz, hz_larger) -> NDArray[np.float64]:
 
 def _of_bodies(scene: Scene, progress: Progress) -> Finding:
     """Of an assembly of bodies: its targets, or its first modes, over mesh.scale."""
+    # sizes that mesh.error chooses are scaled as others are
     scales, solutions = scene.mesh.scale * np.array(SCALES), []
+    chosen = pipeline_of(scene, progress)("sizes").sizes if has_sizes_chosen(scene) else None
     for scale in scales:
-        scaled = scene.but(mesh={"scale": float(scale)})
         with progress(f"mesh.scale {scale:.3g}"):
-            solutions.append(solution(scaled, scene.name, scale, assembly_modes.N_MODES[0]))
+            if chosen is None:
+                mesh = partial(stages.mesh, scene.but(mesh={"scale": float(scale)}))
+            else:
+                sizes = chosen._replace(scale=float(scale) * chosen.scale)
+                mesh = partial(bodies.parts, scene, sizes)
+            solutions.append(solution(scene, scene.name, scale, assembly_modes.N_MODES[0], mesh))
     hz = np.array([s.hz for s in solutions])
     limit, order = extrapolated(scales, hz)
     rows = tuple(row_of(s, limit) for s in solutions)
@@ -199,10 +210,17 @@ def off(hz: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float
     return np.where(hz == limit, np.nan, hz / limit - 1)
 
 
-def solution(scene: Scene, name: str, size: float, n_modes: int) -> MeshSolution:
-    """Mesh, model and modes of a scene, paired with its targets, or else its first four modes."""
+def solution(
+    scene: Scene,
+    name: str,
+    size: float,
+    n_modes: int,
+    meshed_parts: Callable[[], Parts] | None = None,
+) -> MeshSolution:
+    """Mesh, its own or another one, model and modes of a scene, paired with its targets, or else
+    its first four modes."""
     started = perf_counter()
-    mesh = stages.mesh(scene)
+    mesh = stages.mesh(scene) if meshed_parts is None else meshed_parts()
     meshed = perf_counter()
     model = stages.model(scene, mesh)
     assembled = perf_counter()

@@ -43,18 +43,19 @@ def of_bodies(scene: Scene) -> Iterator[str]:
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] contradicts assembly.mesh, which has all elements; drop it."
-    if scene.mesh.error:
+    if scene.mesh.error or scene.mesh.sizes:
+        chooses = "mesh.sizes" if scene.mesh.sizes else "mesh.error"
         if assembly.mesh is not None:
-            yield "mesh.error contradicts assembly.mesh, which has all elements; drop one."
+            yield f"{chooses} contradicts assembly.mesh, which has all elements; drop one."
         if scene.mesh.scale != 1.0:
             yield (
-                f"mesh.error and mesh.scale = {scene.mesh.scale:g} exclude each other: sizes of "
-                "elements follow from the error; drop one."
+                f"{chooses} and mesh.scale = {scene.mesh.scale:g} exclude each other: sizes of "
+                f"elements follow from {chooses[5:]}; drop one."
             )
         if scene.strike and (scene.strike.nodes or scene.strike.weights == "thesis"):
             key = "nodes" if scene.strike.nodes else 'weights = "thesis"'
             yield (
-                f"strike.{key} belongs to one mesh and mesh.error chooses others; drop one of them."
+                f"strike.{key} belongs to one mesh and {chooses} chooses others; drop one of them."
             )
     for key in ("volumes", "merge"):
         if assembly.mesh is None and getattr(assembly, key) is not None:

@@ -27,9 +27,11 @@ class AskedOfMesh(SceneTable):
     modes: Annotated[int, Field(ge=1, le=20)] = 12
     # with `error`: the mesh has so many unknowns at most
     unknowns: Annotated[int, Field(ge=1000, le=10_000_000)] = 300_000
+    # sizes of elements that a run with `error` has chosen, the sizes.npz of its folder
+    sizes: FileName | None = None
 
     @property
-    def asked(self) -> dict[str, float | int | None]:
+    def asked(self) -> dict[str, float | int | str | None]:
         """Values of these keys."""
         return {key: getattr(self, key) for key in AskedOfMesh.model_fields}
 

@@ -84,9 +84,12 @@ def leans(scene: Scene) -> bool:
     return has_crystal(scene) and scene.crystal.on is not None
 
 
-def asks_mesh_error(scene: Scene) -> bool:
-    """True of bodies whose sizes of elements follow from an error asked of the mesh."""
-    return bool(needs_structure(scene) and not bent(scene) and scene.mesh.error)
+def has_sizes_chosen(scene: Scene) -> bool:
+    """True of bodies whose sizes of elements follow from an error asked of the mesh, in this run or
+    in an earlier one."""
+    if not needs_structure(scene) or bent(scene):
+        return False
+    return bool(scene.mesh.error or scene.mesh.sizes)
 
 
 def has_measured_parts(scene: Scene) -> bool:
@@ -224,6 +227,11 @@ BENT = ("beam", "plate")
 BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads")
 
 
+def _chosen(scene: Scene) -> Any:
+    """Input of the search for sizes of elements."""
+    return [read(scene.sizes_of) for read in (_dimensions, _joined, _targets)]
+
+
 def _joined(scene: Scene) -> Any:
     """Joints of the bodies, and their partners."""
     tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
@@ -267,13 +275,12 @@ CAUSES = "reduction", "mesh", "theory", "receptance"  # of the errors of an impa
 STAGES = (
     # the structure: bodies
     Stage(
-        "search", ".errors.adapted_sizes:search", tables_of(), when=asks_mesh_error,
+        "search", ".errors.adapted_sizes:search", _chosen, when=has_sizes_chosen,
         kept=False, transient=True,
     ),
     Stage(
-        "sizes", ".errors.adapted_sizes:adapted_sizes",
-        lambda scene: [_dimensions(scene), _joined(scene), _targets(scene)], ("search",),
-        when=asks_mesh_error, listed=False,
+        "sizes", ".errors.adapted_sizes:adapted_sizes", tables_of(), ("search",),
+        when=has_sizes_chosen, listed=False,
     ),
     Stage(
         "mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False, within="search"
@@ -364,7 +371,7 @@ STAGES = (
     ),
     Stage(
         "structure-numbers", ".structure.health:structure_numbers", tables_of("targets"),
-        ("modes", "reduction", "participation", "sizes"), listed=False,
+        ("modes", "reduction", "participation"), listed=False,
     ),
     Stage(
         "spatial-wall", ".structure.friction:spatial_wall",
@@ -391,6 +398,10 @@ STAGES = (
     Stage(
         "missed-energy", ".errors.mesh_error:missed_by_mesh", tables_of("reduction", "strike"),
         ("mesh", "model", "modes"), means=("static-shape", "half-space"),
+    ),
+    Stage(
+        "mesh-numbers", ".errors.adapted_sizes:mesh_numbers", tables_of("mesh"),
+        ("sizes", "modes", "missed-energy"), when=has_sizes_chosen, listed=False,
     ),
     Stage(
         "part-errors", ".errors.part_fit_errors:part_errors", tables_of(), ("model", "modes"),
@@ -602,6 +613,10 @@ STAGES = (
         ("start", "impact", "waves"), listed=False,
     ),
     # files, pictures and the page
+    Stage(
+        "size-files", ".structure.files:size_files", tables_of(), ("sizes",),
+        when=has_sizes_chosen, listed=False,
+    ),
     Stage("mode-files", ".structure.files:mode_files", tables_of(), ("modes",), listed=False),
     Stage(
         "model-files", ".structure.files:model_files", tables_of("damping"), ("reduction",),

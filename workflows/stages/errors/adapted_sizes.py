@@ -30,12 +30,13 @@ from beadwave.fem.errors.optimal_sizes import (
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.fem.modes.mac import RIGID
 from beadwave.geometry.meshing.size_field import GRADING, SizeField, rounded
-from beadwave.workflows.scene import Scene
+from beadwave.workflows.report.summary import MeshNumbers, SolvedMeshNumbers
+from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.errors import mesh_error
 from beadwave.workflows.stages.errors.mesh_causes import SMOOTH_ORDER as SCALE_ORDER
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, error_places
 from beadwave.workflows.stages.structure import assembly as stages
-from beadwave.workflows.stages.structure import bodies
+from beadwave.workflows.stages.structure import bodies, sizes_file
 from beadwave.workflows.stages.structure.krylov_space import krylov_space
 from beadwave.workflows.stages.structure.meshed_parts import (
     AdaptedSizes,
@@ -53,6 +54,8 @@ FINEST = 1 / 6  # times the size, from one mesh to the next: indicators do not r
 LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as much as all others
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
 MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
+MORE = 1.1  # times the error of the scene that sizes are of, from which on they are to blame
+FILLED = 0.7  # of the bound, by a mesh that it ends
 TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
 # sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
@@ -110,7 +113,12 @@ def adapted_sizes(scene: Scene, search: Search) -> AdaptedSizes:
 
 
 def search(scene: Scene) -> Search:
-    """Sizes for the scene's mesh.error; raises InvalidScene for what cannot be meshed."""
+    """Sizes for the scene's mesh.error, for that of the scene that chooses them for several, or
+    those of its file; raises InvalidScene for what cannot be meshed."""
+    if scene.sizes_of is not scene:
+        return search(scene.sizes_of)._replace(solved={})
+    if scene.mesh.sizes:
+        return Search(sizes_file.adapted_of(scene.mesh.sizes), {})
     asked, bound = scene.mesh.error, scene.mesh.unknowns
     sizes = ElementSizes(scale=START) if scene.grids else ElementSizes(usual=START)
     solved: list[SolvedMesh] = []
@@ -120,7 +128,7 @@ def search(scene: Scene) -> Search:
     while True:
         began = perf_counter()
         last = None  # the structure on the mesh before makes room
-        mesh, sizes = _meshed(scene, sizes)
+        mesh, sizes = _meshed(scene, sizes, bounded_by is not None)
         last = _solved(scene, mesh)
         found = indicators(scene, last)
         n = last.model.K.shape[0]
@@ -141,7 +149,7 @@ def search(scene: Scene) -> Search:
             sizes = sizes._replace(scale=sizes.scale * factor)
         else:
             fields, growth, is_bounded = next_sizes(mesh, found, bound / n)
-            needed, sizes = growth * n, ElementSizes(fields, LARGEST)
+            needed, sizes = growth * n, ElementSizes(fields, LARGEST, boxes=mesh.boxes)
         if is_bounded:
             bounded_by = "unknowns"
 
@@ -168,14 +176,15 @@ def _solved(scene: Scene, mesh: Parts) -> Solved:
     return Solved(mesh, model, factor, space, modes, contact, field)
 
 
-def _meshed(scene: Scene, sizes: ElementSizes) -> tuple[Parts, ElementSizes]:
+def _meshed(scene: Scene, sizes: ElementSizes, bounded: bool) -> tuple[Parts, ElementSizes]:
     """The mesh of these sizes, and of larger ones where it has more unknowns than the bound: an
-    extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes."""
+    extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes. Where
+    the bound makes sizes larger than wanted, smaller ones fill it."""
     bound = scene.mesh.unknowns
     for _ in range(MOST_TRIES):
         mesh = bodies.parts(scene, sizes)
         n = 3 * sum(mesh.nodes.values())
-        if n <= bound:
+        if n <= bound and (not bounded or n > FILLED * bound):
             break
         sizes = sizes._replace(scale=sizes.scale * (TRY * n / bound) ** (1 / 3))
     return mesh, sizes
@@ -192,9 +201,15 @@ def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | N
 
 
 def indicators(scene: Scene, solved: Solved) -> Indicators:
-    """Errors of the frequencies and of the compliance that are bounded, over the elements."""
+    """Errors of the frequencies and of the compliance that are bounded, over the elements; raises
+    InvalidScene where there are neither."""
     mesh, model, modes, contact = solved.mesh, solved.model, solved.modes, solved.contact
     goal = goals(scene, modes)
+    if not len(goal) and (contact is None or solved.factor is None):
+        raise InvalidScene(
+            f"{scene.name}: mesh.error bounds frequencies, and the first {len(modes.omega)} modes "
+            "are rigid motions; hold or join the bodies, or take mesh.scale in its place."
+        )
     omega, u, whole, pushed = modes.omega[goal], modes.phi[:, goal], None, None
     D, allowed = omega**2, omega**2 * ((1 - scene.mesh.error) ** -2 - 1)
     if contact is not None and solved.factor is not None:
@@ -226,13 +241,47 @@ def indicators(scene: Scene, solved: Solved) -> Indicators:
     )
 
 
+def stated_error(scene: Scene, modes: AssemblyModes, missed: mesh_error.MeshErrorEstimate) -> float:
+    """The largest relative error of what is bounded, of the run's own mesh; nan where it is not
+    known."""
+    errors = missed.of_frequencies(modes.omega[goals(scene, modes)])
+    if missed.of_compliance is not None and missed.w is not None:
+        elastic = missed.omega > RIGID * missed.omega.max()
+        whole = float(np.sum((missed.w[elastic] / missed.omega[elastic]) ** 2))
+        errors = np.append(errors, missed.of_compliance / whole)
+    return float(np.nanmax(errors, initial=np.nan))
+
+
+def mesh_numbers(
+    scene: Scene, adapted: AdaptedSizes, modes: AssemblyModes, missed: mesh_error.MeshErrorEstimate
+) -> MeshNumbers:
+    """The mesh that follows from mesh.error, as the summary has it."""
+    asked = scene.mesh.error or adapted.asked
+    solved = tuple(SolvedMeshNumbers(**mesh._asdict()) for mesh in adapted.meshes)
+    if scene.mesh.sizes or scene.sizes_of is not scene:
+        # sizes of another scene: what they leave in this one, and whether that is more than there
+        stated = stated_error(scene, modes, missed)
+        bounded_by = None
+        if stated > asked:
+            more = stated > MORE * adapted.stated
+            bounded_by = "sizes" if more else adapted.bounded_by or "sizes"
+        return MeshNumbers(
+            asked=asked, stated=stated, floor=adapted.floor, bounded_by=bounded_by,
+            unknowns_for_asked=adapted.unknowns_for_asked,
+            seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
+        )  # fmt: skip
+    return MeshNumbers(
+        asked=asked, stated=adapted.stated, floor=adapted.floor, bounded_by=adapted.bounded_by,
+        unknowns_for_asked=adapted.unknowns_for_asked,
+        seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
+    )  # fmt: skip
+
+
 def goals(scene: Scene, modes: AssemblyModes) -> NDArray[np.int64]:
-    """Indices of the modes whose frequencies are bounded."""
-    targets = modes.index[modes.index >= 0]
-    if len(targets):
-        return np.unique(targets)
+    """Indices of the modes whose frequencies are bounded; rigid motions have none."""
     elastic = np.flatnonzero(modes.omega > RIGID * modes.omega.max())
-    return elastic[: scene.mesh.modes]
+    targets = np.intersect1d(modes.index, elastic)
+    return targets if len(targets) else elastic[: scene.mesh.modes]
 
 
 class _Layout(NamedTuple):

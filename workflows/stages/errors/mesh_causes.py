@@ -168,7 +168,8 @@ def explanation(scene: Scene, relative: float, cause: Cause) -> str:
         return f"{why}; a smaller mesh.error lowers it, or a larger mesh.modes of a higher mode."
     if times < FINEST_SCALE and cause.remedy:
         return f"{why}, where errors fall slowly with the size of elements; {cause.remedy} helps."
-    return f"{why}; {refinement(scene, times)} would bring it to about {100 * LARGE_ERROR:.0f} %."
+    keys = refinement(scene, times, LARGE_ERROR)
+    return f"{why}; {keys} would bring it to about {100 * LARGE_ERROR:.0f} %."
 
 
 def size_for(wanted: float, relative: float, cause: Cause) -> float:
@@ -176,9 +177,15 @@ def size_for(wanted: float, relative: float, cause: Cause) -> float:
     return (wanted / relative) ** (1 / (SINGULAR_ORDER if cause.singular else SMOOTH_ORDER))
 
 
-def refinement(scene: Scene, times: float) -> str:
-    """The keys that make elements so many times as large, rounded down to two digits: up, 0.68 of
-    1.5 would be 1.5 again."""
+def refinement(scene: Scene, times: float, wanted: float) -> str:
+    """The keys that make elements so many times as large, or choose those of the relative error
+    that is wanted."""
+    error = f"mesh.error = {wanted:.2g}"
+    if scene.mesh.error:
+        return error
+    # the scale rounded down to two digits: up, 0.68 of 1.5 would be 1.5 again
     scale = times * scene.mesh.scale
     unit = 10.0 ** (np.floor(np.log10(scale)) - 1)
-    return f"mesh.scale = {np.floor(scale / unit * (1 + 1e-9)) * unit:.2g}"
+    scale = f"mesh.scale = {np.floor(scale / unit * (1 + 1e-9)) * unit:.2g}"
+    bound = scene.strike and (scene.strike.nodes or scene.strike.weights == "thesis")
+    return scale if bound or scene.mesh.sizes else f"{scale}, or {error},"

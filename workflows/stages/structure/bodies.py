@@ -112,6 +112,7 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     with drawing(scene, coarser) as layout:
         # what the scene's words pick, and what every body is made of
         bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
+        boxes = {name: np.array([body.lower, body.upper]) for name, body in bodies.items()}
         selection = picked(words(scene), bodies, near.touching, gap)
         for name in bodies:
             if scene.material_name(name) is None:
@@ -137,7 +138,11 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
             [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal],
             coarser,
             "tet" if scene.mesh.element == "tet" else None,
-            sizes.fields,
+            {
+                name: field.stretched(sizes.boxes[name], boxes[name])
+                for name, field in sizes.fields.items()
+                if name in boxes
+            },
             sizes.usual,
         )
         meshes, fineness = meshed(layout, selection, [*ties, *pressed], named, sizing)
@@ -147,7 +152,7 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     closed = tuple(_tie(touch, fineness) for touch in pressed)
     whole = Parts(
         meshes, made_of, connections, rigid, face, _load(scene, selection),
-        sizes, tuple(bolted.values()), closed,
+        sizes, tuple(bolted.values()), closed, boxes,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly

@@ -12,6 +12,8 @@ from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.files.npz import npz
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.walls import save
+from beadwave.workflows.stages.structure import sizes_file
+from beadwave.workflows.stages.structure.meshed_parts import AdaptedSizes
 from beadwave.workflows.stages.structure.response import Response
 
 
@@ -24,6 +26,11 @@ def model_files(scene: Scene, reduction: rom.ReducedModel) -> dict[str, bytes]:
     """Content of rom.npz and rom.mat, by name."""
     write = partial(save, reduced=reduction, table=scene.damping)
     return written({"rom.npz": write, "rom.mat": write})
+
+
+def size_files(scene: Scene, adapted: AdaptedSizes) -> dict[str, bytes]:
+    """Content of sizes.npz, by its name."""
+    return {"sizes.npz": npz(sizes_file.arrays_of(adapted))}
 
 
 def response_files(scene: Scene, response: Response) -> dict[str, bytes]:

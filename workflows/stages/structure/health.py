@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from beadwave import rom
 from beadwave.workflows.report.summary import (
-    MeshNumbers,
     ModeFound,
     NumberError,
     ReductionHealth,
-    SolvedMeshNumbers,
     StructureNumbers,
 )
 from beadwave.workflows.scene import Scene
@@ -26,7 +24,6 @@ from beadwave.workflows.stages import warnings
 if TYPE_CHECKING:  # the health of a wall from a file loads no finite elements
     from beadwave.fem.modes.assembly_modes import AssemblyModes
     from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
-    from beadwave.workflows.stages.structure.meshed_parts import AdaptedSizes
 
 
 def reduction_health(
@@ -60,7 +57,6 @@ def structure_numbers(
     modes: AssemblyModes,
     reduction: rom.ReducedModel,
     participation: NDArray[np.float64],
-    adapted: AdaptedSizes | None = None,
 ) -> StructureNumbers:
     """Numbers and warnings of an assembly. Of the computed modes those that the summary lists, with
     the score of the target that each one is paired with, if any, and their participation
@@ -94,29 +90,11 @@ def structure_numbers(
         "reduction": health,
     }
     said = list(warnings.of_structure(modes, health))
-    if adapted is not None:
-        numbers["mesh"] = mesh_numbers(adapted)
-        said += warnings.mesh_above_asked(numbers["mesh"])
     if scene.measured:
         from beadwave.workflows.stages.structure.measured_parts import sentences
 
         said += sentences(scene)
     return StructureNumbers(numbers, tuple(said))
-
-
-def mesh_numbers(adapted: AdaptedSizes) -> MeshNumbers:
-    """The mesh that follows from mesh.error, as the summary has it."""
-    solved = tuple(SolvedMeshNumbers(**mesh._asdict()) for mesh in adapted.meshes)
-    return MeshNumbers(
-        asked=adapted.asked,
-        stated=adapted.stated,
-        floor=adapted.floor,
-        bounded_by=adapted.bounded_by,
-        unknowns_for_asked=adapted.unknowns_for_asked,
-        seconds_for_asked=adapted.seconds_for_asked,
-        where=adapted.where,
-        meshes=solved,
-    )
 
 
 def structure_errors(

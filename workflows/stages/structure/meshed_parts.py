@@ -23,6 +23,9 @@ class ElementSizes(NamedTuple):
     # times the sizes by a body's shape, of bodies without a seed: with a field its upper bound
     usual: float = 1.0
     scale: float = 1.0  # times all sizes, of prescribed lines as well
+    # (2, 3) [m] lower and upper corner of each body that a field is of: the field of a body that
+    # has another box now is stretched onto it
+    boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
 
 
 class SolvedMesh(NamedTuple):
@@ -60,6 +63,7 @@ class Parts(NamedTuple):
     sizes: ElementSizes = ElementSizes()  # that it was meshed with
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
     closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
+    boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})  # as those of `ElementSizes`
 
     @property
     def assembled(self) -> fem.Connections:
