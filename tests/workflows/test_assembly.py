@@ -42,12 +42,12 @@ def test_the_folder_holds_every_file_of_the_contract(run):
     folder, summary = run
     wanted = {
         "given.toml", "scene.toml", "summary.json", "trajectory.npz", "rom.npz", "rom.mat",
-        "modes.vtu", "response.npz",
+        "modes.vtu", "response.npz", "missed.npz",
         ".beadwave", "report.html",
         "velocities.png", "waves.png", "energies.png", "frequency_response.png",
     }  # fmt: skip
     if not any("rendered" in warning for warning in summary["warnings"]):
-        wanted |= {"assembly.png", "modes.png"}
+        wanted |= {"assembly.png", "modes.png", "mesh-error.png"}
     assert {path.name for path in folder.rglob("*.*")} == wanted
 
 

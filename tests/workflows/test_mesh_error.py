@@ -222,3 +222,17 @@ def test_slivers_between_washers_and_edges_do_not_make_the_error_stated(tmp_path
     seen = 1 - finer / (modes.omega[6:12] / (2 * np.pi))
     assert np.all(stated > 2 * seen)
     assert np.all(stated < 6.5 * seen)
+
+
+def test_the_energies_of_elements_add_up_to_the_errors_stated():
+    """Of one mode and of the static response, of which each element has the larger part."""
+    held = pipeline("cantilever", ("mesh.error=0.02", "mesh.modes=1"))
+    missed = held("missed-energy")
+    (energy,) = missed.of_cells.values()
+    assert energy.shape == (held("mesh").meshes["beam"].nelements,)
+    relative = np.diag(missed.energy) / missed.omega**2
+    assert (1 - missed.of_frequencies(held("modes").omega[:1])[0]) ** -2 - 1 == pytest.approx(
+        relative[0]
+    )
+    first, static = relative[0], relative[-1]
+    assert max(first, static) < 1.001 * energy.sum() < 1.002 * (first + static)

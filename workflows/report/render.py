@@ -1,6 +1,7 @@
 """Rendered pictures of the assembly and its modes, from `modes.vtu`; run as a child process.
 
-    python -m beadwave.workflows.report.render modes.vtu fixtures.json assembly.png modes.png
+    python -m beadwave.workflows.report.render modes.vtu fixtures.json assembly.png modes.png \
+        [mesh-error.png]
 
 `fixtures.json` is a `Fixtures` as a dictionary.
 A render without a GL library kills its process: the run that started it loses the pictures only.
@@ -55,6 +56,7 @@ COIL = (0.013, 0.003)
 MIN_MASS_RADIUS = 0.012  # radius of a mass as drawn over the assembly's size
 VIEW_SLANT = 52.0  # [deg] of the view from the direction of the impact, about the vertical
 EYE_HEIGHT = 0.55  # height of the eye over its distance along the ground
+DECADES = 3  # of energies, that colours tell apart
 MODE_AMPLITUDE = 0.05  # largest displacement of a mode as drawn over the assembly's size
 EDGE_ANGLE = 30.0  # [deg] between facets that makes an edge of an outline
 MODE_VIEW = (0.87, 0.85)  # shares of the view's width and height that it fills
@@ -74,6 +76,7 @@ class Fixtures(NamedTuple):
     springs: Sequence[tuple[str, list[float], list[float], bool]] = ()
     masses: Sequence[tuple[str, list[float], list[float], float]] = ()  # name, point, out, radius
     parts: Sequence[tuple[str, list[float], list[float]]] = ()  # measured: name, point, out
+    missed: Sequence[float] = ()  # energy that the mesh misses in each element
 
 
 def eye_of(strike: list[float] | None) -> NDArray[np.float64]:
@@ -319,6 +322,26 @@ def modes(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
     plotter.screenshot(path)
 
 
+def mesh_error(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
+    """The elements, coloured by the energy per volume that each misses."""
+    plotter, title = white_plotter((1, 1)), "missed"
+    density = np.array(fixtures.missed) / grid.compute_cell_sizes()["Volume"]
+    share = density / max(density.max(), 1e-300)
+    shown = grid.copy()
+    shown.cell_data[title] = np.log10(np.maximum(share, 10.0**-DECADES))
+    surface = shown.extract_surface(algorithm=None)
+    plotter.add_mesh(
+        surface, scalars=title, cmap=ramp(RAMP, 64), clim=(-DECADES, 0), show_edges=True,
+        edge_color="#404040", line_width=0.5, scalar_bar_args={"title": title, **BAR}, **MATT,
+    )  # fmt: skip
+    seen_from(plotter, eye_of(fixtures.strike))
+    fill_view(plotter, grid.points, MODE_VIEW)
+    plotter.camera.SetWindowCenter(1 - MODE_VIEW[0], 0.0)
+    caption = "colour: energy missed per volume over the largest, as a power of ten"
+    plotter.add_text(caption, position="lower_left", font_size=8, color="black")
+    plotter.screenshot(path)
+
+
 def bent_by(plotter: pv.Plotter, grid: pv.DataSet, name: str) -> pv.DataSet:
     """Draw a mode, exaggerated and coloured by displacement, on the outline at rest; the bent
     mesh."""
@@ -384,13 +407,15 @@ def fill_view(
 
 def main(arguments: list[str]) -> None:
     """Render the pictures that the command line names."""
-    field, fixtures_json, assembly_png, modes_png = map(Path, arguments)
+    field, fixtures_json, assembly_png, modes_png, *mesh_error_png = map(Path, arguments)
     grid, fixtures = (
         pv.read(field),
         Fixtures(**json.loads(fixtures_json.read_text(encoding="utf-8"))),
     )
     assembly(grid, fixtures, assembly_png)
     modes(grid, fixtures, modes_png)
+    for path in mesh_error_png:
+        mesh_error(grid, fixtures, path)
 
 
 if __name__ == "__main__":

@@ -135,7 +135,10 @@ def bands(edges: tuple[float, ...]) -> str:
 
 def mesh_words(mesh: MeshNumbers) -> str:
     """Unknowns and errors of the meshes that mesh.error led to."""
-    each = [f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)}" for m in mesh.meshes]
+    each = [
+        f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)} in {si(m.seconds, 's')}"
+        for m in mesh.meshes
+    ]
     return f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
 
 

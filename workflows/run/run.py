@@ -29,6 +29,7 @@ FILES = (
     "response.npz",
     "modes.vtu",
     "sizes.npz",
+    "missed.npz",
     *(f"figures/{name}.png" for name in CAPTIONS),
 )
 
@@ -66,6 +67,7 @@ def run(
                     pipeline("mac")
                 if scene.bending is None:
                     pipeline("structure-errors")
+                    _write_files(pipeline, folder, "missed-files")
             if scene.crystal:
                 _write_files(pipeline, folder, "crystal-files")
             if scene.chains:

@@ -84,12 +84,15 @@ def leans(scene: Scene) -> bool:
     return has_crystal(scene) and scene.crystal.on is not None
 
 
+def has_bodies(scene: Scene) -> bool:
+    """True of a structure of bodies, which are meshed."""
+    return needs_structure(scene) and not bent(scene)
+
+
 def has_sizes_chosen(scene: Scene) -> bool:
     """True of bodies whose sizes of elements follow from an error asked of the mesh, in this run or
     in an earlier one."""
-    if not needs_structure(scene) or bent(scene):
-        return False
-    return bool(scene.mesh.error or scene.mesh.sizes)
+    return has_bodies(scene) and bool(scene.mesh.error or scene.mesh.sizes)
 
 
 def has_measured_parts(scene: Scene) -> bool:
@@ -636,7 +639,14 @@ STAGES = (
     ),
     Stage("pictures", ".pages.pictures:pictures_of_plate", tables_of(), ("modes", "contact"),
         when=bent),
-    Stage("pictures", ".pages.pictures:pictures", tables_of(), ("mesh", "modes", "contact")),
+    Stage(
+        "missed-files", ".structure.files:missed_files", tables_of(), ("mesh", "missed-energy"),
+        when=has_bodies, listed=False,
+    ),
+    Stage(
+        "pictures", ".pages.pictures:pictures", tables_of(),
+        ("mesh", "modes", "contact", "missed-energy"),
+    ),
     Stage(
         "figures", ".pages.figures:of_friction", _observed, ("impact", "waves", "friction"),
         when=rubs,

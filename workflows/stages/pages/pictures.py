@@ -23,17 +23,25 @@ from beadwave.workflows.files.run_folder import NoPicture, Picture
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
 from beadwave.workflows.scene.tables.bodies import GROUND
+from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
 
 
 def pictures(
-    scene: Scene, mesh: Parts, modes: AssemblyModes, contact: fem.ContactPatch
+    scene: Scene,
+    mesh: Parts,
+    modes: AssemblyModes,
+    contact: fem.ContactPatch,
+    missed: MeshErrorEstimate,
 ) -> tuple[Picture, ...]:
-    """Pictures of the meshed assembly with what strikes, joins and holds it, and of four modes;
-    raises NoPicture."""
-    return _rendered(modes.field, fixtures(scene, mesh) | {"strike": _struck(contact)})
+    """Pictures of the meshed assembly with what strikes, joins and holds it, of four modes, and of
+    where the error of the mesh arises; raises NoPicture."""
+    shown = fixtures(scene, mesh) | {"strike": _struck(contact)}
+    if missed.of_cells:
+        shown["missed"] = np.concatenate([missed.of_cells[b] for b in modes.field.meshes]).tolist()
+    return _rendered(modes.field, shown)
 
 
 def pictures_of_plate(
@@ -171,7 +179,8 @@ def _rendered(modes: field_file.ModeField, shown: dict[str, Any]) -> tuple[Pictu
     """Pictures of assembly and modes with the fixtures shown, rendered by a child; raises
     NoPicture."""
     fixtures_of = {"bodies": [*modes.meshes]} | shown
-    return rendered("beadwave.workflows.report.render", modes, fixtures_of, "assembly", "modes")
+    names = "assembly", "modes", *(("mesh-error",) if "missed" in shown else ())
+    return rendered("beadwave.workflows.report.render", modes, fixtures_of, *names)
 
 
 def rendered(

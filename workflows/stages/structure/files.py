@@ -12,8 +12,9 @@ from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.files.npz import npz
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.walls import save
+from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
 from beadwave.workflows.stages.structure import sizes_file
-from beadwave.workflows.stages.structure.meshed_parts import AdaptedSizes
+from beadwave.workflows.stages.structure.meshed_parts import AdaptedSizes, Parts
 from beadwave.workflows.stages.structure.response import Response
 
 
@@ -31,6 +32,18 @@ def model_files(scene: Scene, reduction: rom.ReducedModel) -> dict[str, bytes]:
 def size_files(scene: Scene, adapted: AdaptedSizes) -> dict[str, bytes]:
     """Content of sizes.npz, by its name."""
     return {"sizes.npz": npz(sizes_file.arrays_of(adapted))}
+
+
+def missed_files(scene: Scene, mesh: Parts, missed: MeshErrorEstimate) -> dict[str, bytes]:
+    """Content of missed.npz, by its name; none of a mesh of few elements."""
+    if not missed.of_cells:
+        return {}
+    content = {}
+    for body, energy in missed.of_cells.items():
+        of_body = mesh.meshes[body]
+        content |= {f"energy.{body}": energy, f"points.{body}": of_body.p.T}
+        content[f"cells.{body}"] = of_body.t.T
+    return {"missed.npz": npz(content)}
 
 
 def response_files(scene: Scene, response: Response) -> dict[str, bytes]:
