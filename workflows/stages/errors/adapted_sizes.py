@@ -52,10 +52,13 @@ MOST_MESHES = 5
 AIM = 0.7  # of the energy allowed, that the next mesh is made for
 FINEST = 1 / 6  # times the size, from one mesh to the next: indicators do not reach further
 LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as much as all others
+# and most: a coarse mesh does not tell yet where most is missed. Of a U profile at 12 %, 28 000
+# unknowns at once leave 3.1 %, 10 000 and then 27 000 leave 2.2 %
+MOST_GROWTH = 5.0
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
 MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
 MORE = 1.1  # times the error of the scene that sizes are of, from which on they are to blame
-FILLED = 0.7  # of the bound, by a mesh that it ends
+FILLED = 0.85  # of the bound, by a mesh that it ends
 TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
 # sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
@@ -148,7 +151,8 @@ def search(scene: Scene) -> Search:
             factor = max(factor, (bound / n) ** (-1 / 3))
             sizes = sizes._replace(scale=sizes.scale * factor)
         else:
-            fields, growth, is_bounded = next_sizes(mesh, found, bound / n)
+            fields, growth, is_limited = next_sizes(mesh, found, min(bound / n, MOST_GROWTH))
+            is_bounded = is_limited and bound / n <= MOST_GROWTH
             needed, sizes = growth * n, ElementSizes(fields, LARGEST, boxes=mesh.boxes)
         if is_bounded:
             bounded_by = "unknowns"
