@@ -1,8 +1,9 @@
 """The check of meshes that mesh.error leads to, on its smallest structure."""
 
-import asked_errors
 import numpy as np
 import pytest
+
+import asked_errors
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 

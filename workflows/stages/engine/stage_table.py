@@ -644,8 +644,8 @@ STAGES = (
         when=has_bodies, listed=False,
     ),
     Stage(
-        "pictures", ".pages.pictures:pictures", tables_of(),
-        ("mesh", "modes", "contact", "missed-energy"),
+        "pictures", ".pages.pictures:pictures", tables_of(), ("mesh", "modes", "contact"),
+        means=("missed-energy",),
     ),
     Stage(
         "figures", ".pages.figures:of_friction", _observed, ("impact", "waves", "friction"),
