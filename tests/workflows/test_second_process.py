@@ -118,6 +118,8 @@ def test_a_second_process_waits_for_what_its_stage_needs(rig, two):
     pipeline("modes")
     assert not pipeline.ready("pictures")
     pipeline("contact")
+    assert not pipeline.ready("pictures")
+    pipeline("missed-energy")
     assert pipeline.ready("pictures") and not pipeline.ready("response")
 
 
