@@ -58,7 +58,7 @@ MOST_GROWTH = 5.0
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
 MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
 MORE = 1.1  # times the error of the scene that sizes are of, from which on they are to blame
-FILLED = 0.85  # of the bound, by a mesh that it ends
+FILLED = 0.85  # of the unknowns allowed, by a mesh whose sizes they make larger than wanted
 TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
 # sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
@@ -126,12 +126,12 @@ def search(scene: Scene) -> Search:
     sizes = ElementSizes(scale=START) if scene.grids else ElementSizes(usual=START)
     solved: list[SolvedMesh] = []
     tried: list[tuple[ElementSizes, Indicators]] = []
-    needed: float | None = None
+    needed = aim = None
     bounded_by: str | None = None
     while True:
         began = perf_counter()
         last = None  # the structure on the mesh before makes room
-        mesh, sizes = _meshed(scene, sizes, bounded_by is not None)
+        mesh, sizes = _meshed(scene, sizes, aim)
         last = _solved(scene, mesh)
         found = indicators(scene, last)
         n = last.model.K.shape[0]
@@ -151,8 +151,10 @@ def search(scene: Scene) -> Search:
             factor = max(factor, (bound / n) ** (-1 / 3))
             sizes = sizes._replace(scale=sizes.scale * factor)
         else:
-            fields, growth, is_limited = next_sizes(mesh, found, min(bound / n, MOST_GROWTH))
+            most = min(bound / n, MOST_GROWTH)
+            fields, growth, is_limited = next_sizes(mesh, found, most)
             is_bounded = is_limited and bound / n <= MOST_GROWTH
+            aim = most * n if is_limited else None
             needed, sizes = growth * n, ElementSizes(fields, LARGEST, boxes=mesh.boxes)
         if is_bounded:
             bounded_by = "unknowns"
@@ -180,17 +182,17 @@ def _solved(scene: Scene, mesh: Parts) -> Solved:
     return Solved(mesh, model, factor, space, modes, contact, field)
 
 
-def _meshed(scene: Scene, sizes: ElementSizes, bounded: bool) -> tuple[Parts, ElementSizes]:
+def _meshed(scene: Scene, sizes: ElementSizes, aim: float | None) -> tuple[Parts, ElementSizes]:
     """The mesh of these sizes, and of larger ones where it has more unknowns than the bound: an
     extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes. Where
-    the bound makes sizes larger than wanted, smaller ones fill it."""
+    sizes are larger than wanted for the `aim` of so many unknowns, smaller ones fill it."""
     bound = scene.mesh.unknowns
     for _ in range(MOST_TRIES):
         mesh = bodies.parts(scene, sizes)
         n = 3 * sum(mesh.nodes.values())
-        if n <= bound and (not bounded or n > FILLED * bound):
+        if n <= bound and (aim is None or n > FILLED * aim):
             break
-        sizes = sizes._replace(scale=sizes.scale * (TRY * n / bound) ** (1 / 3))
+        sizes = sizes._replace(scale=sizes.scale * (TRY * n / (aim or bound)) ** (1 / 3))
     return mesh, sizes
 
 
