@@ -58,7 +58,9 @@ MOST_GROWTH = 5.0
 SMALL_GAIN = 0.25  # of the error; two meshes in a row that gain less end the search
 MOST_TRIES, TRY = 3, 1.1  # of a mesh within the bound, and how far below it each aims
 MORE = 1.1  # times the error of the scene that sizes are of, from which on they are to blame
-FILLED = 0.85  # of the unknowns allowed, by a mesh whose sizes they make larger than wanted
+# of the unknowns allowed, by a mesh whose sizes they make larger than wanted; of the most that a
+# step may grow to half do
+FILLED, HALF, OVER = 0.85, 0.5, 1.8
 TIME_ORDER = 1.2  # power of the unknowns with which the time of a solution grows
 SAME_PLACE = 0.1  # of the smallest size: cells closer than this along an axis are in one layer
 # sizes that the mesher is asked for over mean lengths of the elements' edges that it makes. With 1
@@ -154,7 +156,7 @@ def search(scene: Scene) -> Search:
             most = min(bound / n, MOST_GROWTH)
             fields, growth, is_limited = next_sizes(mesh, found, most)
             is_bounded = is_limited and bound / n <= MOST_GROWTH
-            aim = most * n if is_limited else None
+            aim = (FILLED if is_bounded else HALF) * most * n if is_limited else None
             needed, sizes = growth * n, ElementSizes(fields, LARGEST, boxes=mesh.boxes)
         if is_bounded:
             bounded_by = "unknowns"
@@ -185,14 +187,15 @@ def _solved(scene: Scene, mesh: Parts) -> Solved:
 def _meshed(scene: Scene, sizes: ElementSizes, aim: float | None) -> tuple[Parts, ElementSizes]:
     """The mesh of these sizes, and of larger ones where it has more unknowns than the bound: an
     extrusion that no algorithm meshes in quadrilaterals has tetrahedra of its smallest sizes. Where
-    sizes are larger than wanted for the `aim` of so many unknowns, smaller ones fill it."""
+    sizes are larger than wanted for a limit, smaller ones have the `aim`, its least unknowns."""
     bound = scene.mesh.unknowns
     for _ in range(MOST_TRIES):
         mesh = bodies.parts(scene, sizes)
         n = 3 * sum(mesh.nodes.values())
-        if n <= bound and (aim is None or n > FILLED * aim):
+        if n <= bound and (aim is None or n > aim):
             break
-        sizes = sizes._replace(scale=sizes.scale * (TRY * n / (aim or bound)) ** (1 / 3))
+        wanted = bound if n > bound else min(OVER * aim, bound)
+        sizes = sizes._replace(scale=sizes.scale * (TRY * n / wanted) ** (1 / 3))
     return mesh, sizes
 
 
