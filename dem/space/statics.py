@@ -68,6 +68,12 @@ def assembled(packing: Packing, blocks: Array):
     )
 
 
+GIVES_WAY = (
+    "the packing finds no state of rest where it is pressed, as spheres give way; make its sides "
+    "periodic, scatter its radii less, or press it more"
+)
+
+
 def at_rest(packing: Packing, load: Array) -> Packing:
     """The packing in its state of rest under a steady load (s, 3) [N], its planes fixed: places,
     arms and overlaps of that state, and a load that balances its contacts to rounding.
@@ -85,11 +91,14 @@ def at_rest(packing: Packing, load: Array) -> Packing:
     allowed = load if guides is None else np.einsum("sxy,sy->sx", guides.motion, load)
     u = np.zeros((len(packing.mass), 3))
     damping, before = 1e-6, energy(u)
+    is_pressed = before > 0.0
     for _ in range(400):
         total, force = resultants(packing, u)
         residual = total + allowed
         scale = max(force.max(initial=0.0), np.abs(allowed).max(initial=0.0))
         if np.abs(residual).max() <= ENOUGH * scale:
+            if is_pressed and scale == 0.0:  # all spheres have slipped out of their contacts
+                raise NoEquilibrium(GIVES_WAY)
             break
         e, overlap, _ = lines(packing, u)
         k = 1.5 * packing.A * np.sqrt(np.maximum(overlap, 0.0))
@@ -113,10 +122,7 @@ def at_rest(packing: Packing, load: Array) -> Packing:
                 break
             damping *= 4.0
         else:
-            raise NoEquilibrium(
-                "the packing finds no state of rest where it is pressed, as spheres give way; "
-                "make its sides periodic, scatter its radii less, or press it more"
-            )
+            raise NoEquilibrium(GIVES_WAY)
         u, before, damping = u + du, after, max(damping / 10.0, 1e-12)
     else:
         raise NoEquilibrium(

@@ -243,6 +243,15 @@ def test_a_pressed_crystal_rests_and_its_band_ends_at_the_closed_form():
     assert np.abs(a["velocity"]).max() < 1.5e-7
 
 
+def test_a_pressed_lattice_whose_spheres_slip_out_of_all_contacts_is_refused():
+    changes = {
+        "crystal.lattice": "bcc", "crystal.size": [3, 3, 3], "crystal.sides": "rigid",
+        "crystal.precompression": 1e-6, "crystal.striker.at": [1, 1, 2],
+    }  # fmt: skip
+    with pytest.raises(InvalidScene, match="no state of rest where it is pressed"):
+        beadwave.run(SMALL, changes)
+
+
 def test_a_force_on_the_first_row_arrives_at_the_wall():
     run = beadwave.impact(SMALL, {**PERIODIC, "crystal.force": "10 N"})
     at_wall = run.arrays["pairs"][:, 1] < 0
