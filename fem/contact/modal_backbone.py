@@ -387,7 +387,7 @@ def modal_backbone(
     return ModalBackbone(
         displacement,
         *numbers[0].T,
-        np.array([loop.dissipated for loop in fine]),
+        np.array([max(loop.dissipated, 0.0) for loop in fine]),
         np.array([area[interface.stuck[loop.slipped]].sum() / closed for loop in fine]),
         error.max(axis=1),
         first_slip,
