@@ -1,6 +1,8 @@
 """Methods of others on the same matrices and spheres: their errors, seconds and memory."""
 
-from os import _exit
+from pathlib import Path
+from subprocess import run
+from sys import executable
 
 import numpy as np
 import pytest
@@ -99,15 +101,24 @@ def test_where_no_setting_reaches_the_error_the_best_is_taken():
     assert setting == 0.01
 
 
-@pytest.mark.parametrize(
-    ("function", "argument", "message"),
-    [(float, "a text", "could not convert"), (_exit, 3, "terminated")],
-)
-def test_a_method_that_fails_says_why_and_has_no_row(function, argument, message, capsys):
-    assert benchmark.in_own_process(SUPERLU, MODES, function, argument) is None
+def test_a_method_that_fails_says_why_and_has_no_row(capsys):
+    assert benchmark.in_own_process(SUPERLU, MODES, float, "a text") is None
     assert f"{SUPERLU} ({MODES}) gave no result" in (out := capsys.readouterr().out)
-    assert message in out
+    assert "could not convert" in out
     assert not [*benchmark.row_of(MODES, SUPERLU, None, None, max)]
+
+
+def test_a_method_whose_process_ends_says_so():
+    """In an interpreter of its own: in one of pytest's workers the pool that breaks now and then
+    took the worker along."""
+    code = "import os, peers\nprint(peers.in_own_process(peers.SUPERLU, peers.MODES, os._exit, 3))"
+    ended = run(
+        [executable, "-c", code], cwd=Path(benchmark.__file__).parent, capture_output=True,
+        encoding="utf-8", check=True,
+    )  # fmt: skip
+    said, returned = ended.stdout.splitlines()
+    assert said.startswith(f"{SUPERLU} ({MODES}) gave no result") and "terminated" in said
+    assert returned == "None"
 
 
 def test_memory_is_that_of_the_process_of_the_method():
