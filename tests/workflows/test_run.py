@@ -319,8 +319,9 @@ def interrupted(*_):
 @pytest.fixture
 def loaded():
     """Every module of the stages: one that is imported amid a patch keeps it for ever."""
-    for module in (ROOT / "workflows" / "stages").glob("*.py"):
-        import_module(f"beadwave.workflows.stages.{module.stem}")
+    for module in (ROOT / "workflows" / "stages").rglob("*.py"):
+        name = ".".join(module.relative_to(ROOT).with_suffix("").parts)
+        import_module(f"beadwave.{name.removesuffix('.__init__')}")
 
 
 @pytest.mark.slow
