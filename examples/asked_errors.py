@@ -123,7 +123,7 @@ def structure(seed: int, number: int, folder: Path) -> Scene:
 
 
 class Goals(NamedTuple):
-    """What is bounded, on one mesh."""
+    """The bounded quantities on one mesh."""
 
     unknowns: int
     hz: np.ndarray  # (k,) of the lowest elastic modes

@@ -57,8 +57,8 @@ def row(name: str, changes: dict, noise: float, seeds: range) -> None:
     for seed in seeds:
         with redirect_stdout(None), TemporaryDirectory() as folder:
             file = Path(folder, "twin.csv")
-            found, true = twin.main(0, changes, twin.Twin(noise=noise, seed=seed), file)
-        contacts = [p for p in found.report.parameters if p.name.startswith("contact")]
+            fitted, true = twin.main(0, changes, twin.Twin(noise=noise, seed=seed), file)
+        contacts = [p for p in fitted.report.parameters if p.name.startswith("contact")]
         # without a bar the data say nothing of a contact
         within += [abs(p.found - true[p.name]) <= (p.two_sigma or np.inf) for p in contacts]
         called += [p.identifiable == "yes" for p in contacts]

@@ -48,8 +48,8 @@ def structure_of_wall(wall: Wall, normal: Array) -> Structure:
 
 
 def structure_behind(packing: Packing, wall: Wall | Structure | None) -> Structure | None:
-    """What a packing leans on, of a wall with one point along the normal of its contacts; None
-    where nothing moves. Raises InvalidChain for numbers that do not fit together."""
+    """The structure that a packing leans on; of a wall one with one point, along the normal of its
+    contacts. None where nothing moves. Raises InvalidChain for numbers that do not fit together."""
     leaning = packing.pairs[:, 1] <= MOVING
     if isinstance(wall, Wall):
         require(

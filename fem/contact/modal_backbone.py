@@ -25,7 +25,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from beadwave.fem.assembly.model import Model
-from beadwave.fem.contact.preloaded_contact import MINDLIN, OPEN, STUCK, PreloadedContact
+from beadwave.fem.contact.preloaded_contact import (
+    MINDLIN,
+    OPEN,
+    STUCK,
+    PreloadedContact,
+    compliance,
+)
+from beadwave.fem.contact.pressed_model import SHIFT
 from beadwave.fem.modes.modes import held
 from beadwave.fem.modes.solver.factorisation import factorised
 
@@ -38,8 +45,6 @@ CLOSED = 1e-3  # difference of a loop's ends over its width, up to which it is c
 MAX_LOOPS = 4  # at one load; the first ones wear off what the preload left
 NEGLIGIBLE_LOSS = 1e-6  # of a smaller loss factor the error is that of this one
 N_AMPLITUDES, LOWEST = 20, 1e-2  # loads, and the least over that which whole bolts would slip at
-# [rad^2/s^2] of a structure that floats, as in `pressed_model`
-SHIFT = (2 * np.pi) ** 2
 
 
 class NoEquilibrium(ValueError):
@@ -84,7 +89,7 @@ class Loaded(NamedTuple):
 
 
 class SlipState(NamedTuple):
-    """What the facets have done under a load."""
+    """State of the facets after a load step."""
 
     alpha: float
     s: NDArray[np.float64]  # (m + 2 s,) [N] beyond the linear model
@@ -181,9 +186,9 @@ def loaded_to(loaded: Loaded, state: SlipState, alpha: float, n_steps: int = 1) 
         steps = [(target, 0)]
         while steps:
             goal, halvings = steps[-1]
-            found = _equilibrium(loaded, state, goal)
-            if found is not None:
-                state = found
+            after = _equilibrium(loaded, state, goal)
+            if after is not None:
+                state = after
                 steps.pop()
             elif halvings == HALVINGS:
                 raise NoEquilibrium("the faces slip as a whole, and nothing else carries the load.")
@@ -194,7 +199,7 @@ def loaded_to(loaded: Loaded, state: SlipState, alpha: float, n_steps: int = 1) 
 
 
 class Unmet(NamedTuple):
-    """What an iterate does not meet, and which facets change."""
+    """Residual of an iterate, and which facets change."""
 
     F: NDArray[np.float64]  # (m + 2 s,) [N] 0 at the solution
     opens: NDArray[np.bool_]  # (m,) closed facets of the linear model
@@ -236,7 +241,7 @@ def _equilibrium(loaded: Loaded, before: SlipState, alpha: float) -> SlipState |
 
 
 def _unmet(interface: FrictionInterface, s_before: NDArray, s: NDArray, d: NDArray) -> Unmet:
-    """What forces s (m + 2 s,) at openings d (m + 2 s,) do not meet, by `_equilibrium`."""
+    """Residual of forces s (m + 2 s,) at openings d (m + 2 s,), by `_equilibrium`."""
     m, k = interface.m, interface.layers
     springs = s - k * d
     apart = k[:m] * (d[:m] + interface.gap) + s[:m]
@@ -315,7 +320,7 @@ class ModalBackbone(NamedTuple):
     slips_whole: bool  # the faces carry no more than the last amplitude
 
 
-def friction_interface(model: Model, at_once: int = 64) -> tuple[FrictionInterface, csr_matrix]:
+def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
     """The faces of a model about its preloaded state, condensed on it, and the openings
     (m + 2 s, n) of the free dofs that its rows are."""
     contact: PreloadedContact = model.contact
@@ -325,13 +330,9 @@ def friction_interface(model: Model, at_once: int = 64) -> tuple[FrictionInterfa
     C = csr_matrix(vstack([C[:m], C[m + stuck], C[2 * m + stuck]]))
 
     factor = held(model.K, model.M) or factorised((model.K + SHIFT * model.M).tocsc())
-    W = np.empty((C.shape[0],) * 2)
-    for first in range(0, len(W), at_once):
-        block = slice(first, first + at_once)
-        W[:, block] = C @ factor.solve(C[block].T.toarray())
     k = area / (1 / contact.hard + contact.rough)
     interface = FrictionInterface(
-        W=(W + W.T) / 2,
+        W=compliance(C, factor),
         stuck=stuck,
         closed=contact.state != OPEN,
         normal=k,

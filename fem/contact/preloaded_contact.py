@@ -83,10 +83,8 @@ def condensed(
     stiffness: NDArray[np.float64],
     *,
     shift: float = 0.0,
-    at_once: int = 64,
 ) -> CondensedContact:
-    """The interface of a model with K, M (n, n) and T (ndof, n) in which it is open, condensed;
-    `at_once` right-hand sides in one solution.
+    """The interface of a model with K, M (n, n) and T (ndof, n) in which it is open, condensed.
 
     A structure that floats takes a `shift` > 0 [rad^2/s^2], K + shift M, whose share in the
     displacements under forces in balance is shift / omega^2 of the lowest elastic mode.
@@ -94,11 +92,18 @@ def condensed(
     C, m = csr_matrix(facets.C @ T), len(facets.area)
     C_n = C[:m]
     K_r = K + C_n.T @ diags_array(stiffness * facets.area) @ C_n + shift * M
-    factor, W = factorised(K_r.tocsc()), np.empty((m, m))
-    for first in range(0, m, at_once):
+    factor = factorised(K_r.tocsc())
+    return CondensedContact(facets, stiffness, C, compliance(C_n, factor), factor)
+
+
+def compliance(C: csr_matrix, factor: Factor, *, at_once: int = 64) -> NDArray[np.float64]:
+    """W = C K^-1 C^T (r, r) [m/N] of openings C (r, n), with the factor of K, by `at_once`
+    right-hand sides in one solution."""
+    W = np.empty((C.shape[0],) * 2)
+    for first in range(0, len(W), at_once):
         block = slice(first, first + at_once)
-        W[:, block] = C_n @ factor.solve(C_n[block].T.toarray())
-    return CondensedContact(facets, stiffness, C, (W + W.T) / 2, factor)
+        W[:, block] = C @ factor.solve(C[block].T.toarray())
+    return (W + W.T) / 2
 
 
 def preloaded_contact(

@@ -98,18 +98,24 @@ CHAINS = {
 }  # fmt: skip
 
 
-def of_chains(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
-    """The trajectory of several chains over time [s], spheres numbered from 1 through all chains,
-    `chain` says which one each is of, from 0; energies in J."""
+def _variables(arrays: Mapping[str, NDArray], known: Mapping[str, tuple]) -> dict[str, tuple]:
+    """Dimensions, values and unit of the arrays that are known by dimensions and unit, and of the
+    energies."""
     variables = {}
     for name, values in arrays.items():
-        if name in CHAINS:
-            dimensions, unit = CHAINS[name]
+        if name in known:
+            dimensions, unit = known[name]
             variables[name] = (dimensions, values, unit)
         elif name.startswith(("energy", "dissipated", "work")):
             variables[name] = (("time",), values, "J")
+    return variables
+
+
+def of_chains(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
+    """The trajectory of several chains over time [s], spheres numbered from 1 through all chains,
+    `chain` says which one each is of, from 0; energies in J."""
     return dataset(
-        variables,
+        _variables(arrays, CHAINS),
         time=("time", arrays["t"], {"units": "s"}),
         sphere=np.arange(1, len(arrays["chain"]) + 1),
         chain=("sphere", arrays["chain"]),
@@ -136,15 +142,8 @@ CRYSTAL = {
 def of_crystal(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """A crystal's trajectory over time [s], spheres by their numbers, contacts from 1 and the axes
     x, y, z; energies in J. `pairs` are rows of the spheres, from 0."""
-    variables = {}
-    for name, values in arrays.items():
-        if name in CRYSTAL:
-            dimensions, unit = CRYSTAL[name]
-            variables[name] = (dimensions, values, unit)
-        elif name.startswith(("energy", "dissipated", "work")):
-            variables[name] = (("time",), values, "J")
     return dataset(
-        variables,
+        _variables(arrays, CRYSTAL),
         time=("time", arrays["t"], {"units": "s"}),
         sphere=arrays["saved"],
         contact=np.arange(1, len(arrays["pairs"]) + 1),

@@ -237,7 +237,7 @@ def modes(
         contact, slip = pipeline("model").contact, {}
         write_pictures(folder, (contact_picture(contact),))
         if amplitude:
-            of_mode = pipeline("backbones").of_mode
+            of_mode = pipeline("backbones")
             slip["slip_displacement"] = amplitude_table.slip_displacements(of_mode)
             curves = amplitude_table.amplitude_picture(result.table.amplitude or ())
             write_pictures(folder, (curves, amplitude_table.slip_picture(contact, of_mode)))

@@ -174,7 +174,7 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
         contact = contact_rows(pipeline("model").contact, pipeline("mesh").bolted)
     sentences, at_amplitudes = list(warnings.overconstrained(modes.overconstrained)), None
     if amplitude:
-        of_mode = pipeline("backbones").of_mode
+        of_mode = pipeline("backbones")
         at_amplitudes = amplitude_rows(of_mode)
         sentences += slip_sentences(of_mode)
     sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})

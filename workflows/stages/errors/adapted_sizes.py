@@ -267,20 +267,14 @@ def mesh_numbers(
     """The mesh that follows from mesh.error, as the summary has it."""
     asked = scene.mesh.error or adapted.asked
     solved = tuple(SolvedMeshNumbers(**mesh._asdict()) for mesh in adapted.meshes)
+    stated, bounded_by = adapted.stated, adapted.bounded_by
     if scene.mesh.sizes or scene.sizes_of is not scene:
         # sizes of another scene: what they leave in this one, and whether that is more than there
         stated = stated_error(scene, modes, missed)
-        bounded_by = None
-        if stated > asked:
-            more = stated > MORE * adapted.stated
-            bounded_by = "sizes" if more else adapted.bounded_by or "sizes"
-        return MeshNumbers(
-            asked=asked, stated=stated, floor=adapted.floor, bounded_by=bounded_by,
-            unknowns_for_asked=adapted.unknowns_for_asked,
-            seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
-        )  # fmt: skip
+        of_sizes = stated > MORE * adapted.stated or bounded_by is None
+        bounded_by = None if not stated > asked else "sizes" if of_sizes else bounded_by
     return MeshNumbers(
-        asked=asked, stated=adapted.stated, floor=adapted.floor, bounded_by=adapted.bounded_by,
+        asked=asked, stated=stated, floor=adapted.floor, bounded_by=bounded_by,
         unknowns_for_asked=adapted.unknowns_for_asked,
         seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
     )  # fmt: skip

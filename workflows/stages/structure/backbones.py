@@ -1,7 +1,5 @@
 """Frequency and loss of modes over their amplitude, of faces in contact under preload."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from beadwave import fem
@@ -19,14 +17,11 @@ from beadwave.workflows.stages.structure.meshed_parts import Parts
 N_MODES = 6  # of the lowest elastic ones
 
 
-class ModeBackbones(NamedTuple):
-    """Backbones of some modes, by the modes' numbers from 1 on."""
-
-    of_mode: dict[int, ModalBackbone]
-
-
-def backbones(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes) -> ModeBackbones:
-    """The backbones of the lowest elastic modes; a facet belongs to the bolt nearest to it."""
+def backbones(
+    scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes
+) -> dict[int, ModalBackbone]:
+    """The backbones of the lowest elastic modes, by their numbers from 1 on; a facet belongs to the
+    bolt nearest to it."""
     interface, C = friction_interface(model)
     facets = model.contact.facets
     centres = np.array([place.centre for place in mesh.bolted if place.in_contact])
@@ -40,4 +35,4 @@ def backbones(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes)
         largest = float(np.linalg.norm(nodes, axis=1).max())
         loaded = Loaded(interface, C @ phi / omega**2, 1 / omega**2)
         of_mode[int(i) + 1] = modal_backbone(loaded, facets.area, groups, largest)
-    return ModeBackbones(of_mode)
+    return of_mode
