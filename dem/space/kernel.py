@@ -150,8 +150,8 @@ class Drive(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Optional parts of a packing, None where it lacks one; the functions below take each by itself,
-    and what is None is compiled out of them."""
+    """Optional parts of a packing, None where it lacks one; the functions below take each by
+    itself, and what is None is compiled out of them."""
 
     shape: ForceShape | None  # of the elastic force; None: Hertz
     plastic: Plastic | None
