@@ -94,13 +94,26 @@ def peaks(y: ArrayLike, prominence: float) -> list[int]:
     side, up to the next higher sample or the end of the record."""
     y = np.asarray(y, float)
     tops = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] >= y[2:])) + 1
-    return [int(k) for k in tops if y[k] - max(_foot(y[k::-1]), _foot(y[k:])) >= prominence]
+    if not tops.size:
+        return []
+    heights = y[tops].tolist()
+    valleys = np.minimum.reduceat(y, np.r_[0, tops]).tolist()  # n + 1, around and between the peaks
+    before = _feet(heights, valleys[:-1])
+    after = _feet(heights[::-1], valleys[:0:-1])[::-1]
+    foot = np.maximum(before, after)
+    return [int(k) for k in tops[y[tops] - foot >= prominence]]
 
 
-def _foot(y):
-    """Lowest of the values from y[0] on to the first one above it."""
-    higher = y > y[0]
-    return y[: higher.argmax()].min() if higher.any() else y.min()
+def _feet(heights, valleys):
+    """Lowest value between each peak of `heights` (n,) and the last higher one before it, from the
+    lowest value (n,) just before each. Peaks that are passed by a higher one are looked at once."""
+    feet, higher = [], []
+    for height, foot in zip(heights, valleys, strict=True):
+        while higher and higher[-1][0] <= height:
+            foot = min(foot, higher.pop()[1])
+        higher.append((height, foot))
+        feet.append(foot)
+    return feet
 
 
 def full_width(t: Array, y: Array, k: int) -> float:

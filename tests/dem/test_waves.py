@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import peak_prominences
 
 from beadwave.dem import Chain, march, one_dof_wall, rigid_wall
 from beadwave.dem.waves import solitary
@@ -99,6 +100,16 @@ def test_a_peak_stands_out_of_both_sides():
     assert peaks(y, 0.15) == [1, 3, 5]
     assert peaks(y, 0.3) == [3, 5]
     assert peaks(y, 1.0) == [3]
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 10, 300])
+def test_prominence_is_that_of_scipy(n):
+    random = np.random.default_rng(n)
+    for steps in (np.eye(1, n), random.normal(size=(200, n)), random.integers(-2, 3, (200, n))):
+        for y in np.cumsum(steps, axis=1).astype(float):
+            tops = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] > y[2:])) + 1
+            found = [k for k in peaks(y, 1.0) if k in tops]
+            assert found == list(tops[peak_prominences(y, tops)[0] >= 1.0])
 
 
 def test_labels_are_the_published_arrivals():

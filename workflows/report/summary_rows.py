@@ -274,7 +274,7 @@ def at_wall(summary: Summary) -> list[tuple[str, str, str]]:
         ),
         (
             "dimensionless contact time τ_c",
-            NONE if c.tau_c is None else digits(c.tau_c),
+            si(c.tau_c, ""),
             "contact time over (m² / (V A_w²))^(1/5): mass of the last sphere, speed of the "
             "striker, Hertz coefficient at the wall",
         ),
