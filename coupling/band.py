@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, lfilter
 
 
 class Band(NamedTuple):
@@ -29,6 +28,8 @@ def filtered(band: Band, t: NDArray[np.float64], y: NDArray[np.float64]) -> NDAr
     """Output (k, ...) of the filters for a signal y (k, ...) at equally spaced times t (k,) [s], in
     the steady state of y[0] before; y itself for a band without corners. Causal: a low-pass delays
     what it shows."""
+    from scipy.signal import butter, lfilter
+
     # corner frequencies [rad/s]: below the first and above the last nothing passes
     corners = [2 * np.pi * end for end in (band.high_pass, band.low_pass) if end is not None]
     if not corners:

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from beadwave.coupling.damping import Damping, damping_ratios, matrix_ratios
 from beadwave.coupling.reduced_spatial_wall import modes_and_oscillators
@@ -72,6 +71,8 @@ def sensed_in_run(
     The structure starts at rest under the force of t[0]. Raises CouplingError where C couples the
     modes.
     """
+    from scipy.signal import lfilter
+
     sense = reduced.columns.sense
     modes = modes_and_oscillators(reduced, np.column_stack([reduced.w, sense]))
     omega, phi, sense = modes.omega, modes.phi[:, 0], modes.phi[:, 1:]

@@ -18,7 +18,6 @@ Peeters and De Roeck, Mech. Syst. Signal Process. 13 (1999) 855; Efron and Stein
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.signal import decimate
 
 from beadwave.fem.identification.poly_reference import (
     IdentifiedModes,
@@ -78,6 +77,8 @@ def blocks_of(
     """Records (m, k) at a step [s] whose frequencies the band fills, a single one cut into blocks;
     that step; and s, block rows and columns of H, for lags up to 2 s. Raises ValueError for records
     shorter than 4 s samples."""
+    from scipy.signal import decimate
+
     # decimated by a filter of linear phase, which moves no pole, in steps of ten at most
     factor = int(0.5 / dt / (0.5 * OVERSAMPLING * band_hz[1]))
     while factor > 1:

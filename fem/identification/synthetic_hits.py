@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
-from scipy.signal import firwin, kaiser_beta
 
 from beadwave.fem.identification.hits import Hits
 
@@ -158,6 +157,8 @@ def recorded_pulse(
     """The pulse sin^2(pi (t - start) / width) of a length `width` at evenly spaced times (k,), as
     an analyser records it: filtered without a delay, flat to 1 / 2.56 of the sampling rate and 100
     dB less beyond what would fold back on that; sampled `finer` for the filter."""
+    from scipy.signal import firwin, kaiser_beta
+
     dt = t[1] - t[0]
     window = ("kaiser", kaiser_beta(100))
     low_pass = firwin(2 * RINGING * finer + 1, 0.5, window=window, fs=finer)
