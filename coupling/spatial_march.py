@@ -427,10 +427,9 @@ def march_to_error(
         steps = Steps(spacing / stride, n_save, stride)
         return body.march(moving, system, 0.0, steps, modes=True), moving
 
-    # cells in two directions, and dampers before a residual compliance, leave errors of order 1:
-    # 0.87 to 1.02 and 0.99 to 1.00 over five halvings
+    # dampers before a residual compliance leave errors of order 1: 0.99 to 1.00 over five halvings
     damped = body.prepared.damping is not None and body.wall.residual_compliance.any()
-    order = 1.0 if two_directions or damped else 2.0
+    order = 1.0 if damped else 2.0
 
     # a contact that nothing presses or strikes has no rate
     first = search.dt or (search.phase / body.rate if body.rate > 0.0 else spacing)
@@ -445,7 +444,7 @@ def march_to_error(
     stride = max(1, math.ceil(spacing / first * (1 - 1e-9)))
     coarse, _ = run(stride, n_cells)
 
-    # the part of the cells, compared with half as many: of order 1 too, see `dem.lateral`
+    # the part of the cells, compared with half as many: of order 1, see `dem.lateral`
     of_cells, halved = 0.0, run(stride, n_cells // 2)[0] if two_directions else None
     while halved is not None:
         of_cells = search.safety * difference(coarse, halved, radius) / speed

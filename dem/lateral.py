@@ -559,7 +559,7 @@ class MarchedSphere(NamedTuple):
                 continue
             if contact.cells is not None:
                 slide_cells(contact.cells, law, overlap, 1.0, *way)
-                force[:] = [cell_force(contact.cells, law, j) for j in range(2)]
+                force[:] = cell_force(contact.cells, law)
             else:
                 slide(contact.row, contact.room, law, overlap, 1.0, *way)
                 force[:] = tangential_force(contact.row, law)

@@ -151,7 +151,7 @@ def contact_force(
     if row is not None:
         force[0] = tangential_force(row, law)
     if cells is not None:
-        force[0], force[1] = cell_force(cells, law, 0), cell_force(cells, law, 1)
+        force[0], force[1] = cell_force(cells, law)
 
 
 @ieee

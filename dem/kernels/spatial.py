@@ -26,7 +26,12 @@ from beadwave.dem.kernels.compiled import fastmath, ieee, ieee_entry, ieee_march
 from beadwave.dem.kernels.lateral import Sphere, contact_state, press
 from beadwave.dem.kernels.laws import damping_impulse, hertz_force
 from beadwave.dem.kernels.numbers import larger
-from beadwave.dem.kernels.tangential import SpringCells, SpringRow, TangentialLaw
+from beadwave.dem.kernels.tangential import (
+    SpringCells,
+    SpringRow,
+    TangentialLaw,
+    cells_within,
+)
 
 # of `SavedSpatial.energy`: [J] in Hertz' contacts, in the tangential contact's springs, friction's
 # heat, in the modes about rest; the four of the ledger; a number that is finite where the state is
@@ -255,8 +260,8 @@ def solve(matrix: Array, room: Array, right: Array, x: Array) -> None:
 
 @ieee
 def copy_springs(
-    row: SpringRow | None, cells: SpringCells | None, to_row: SpringRow | None,
-    to_cells: SpringCells | None,
+    law: TangentialLaw, row: SpringRow | None, cells: SpringCells | None,
+    to_row: SpringRow | None, to_cells: SpringCells | None,
 ) -> None:  # fmt: skip
     """The contact's springs into others."""
     if row is not None:
@@ -266,7 +271,9 @@ def copy_springs(
         for j in range(row.state.size):
             to_row.state[j] = row.state[j]
     if cells is not None:
-        for j in range(cells.u.shape[0]):
+        # springs out of contact are at 0, in both
+        within = max(cells_within(cells, law), cells_within(to_cells, law))
+        for j in range(within):
             to_cells.u[j, 0], to_cells.u[j, 1] = cells.u[j, 0], cells.u[j, 1]
         for j in range(cells.state.size):
             to_cells.state[j] = cells.state[j]
@@ -305,7 +312,7 @@ def touch(
         overlap = larger(trials.shift[0], 0.0)
         way1 = trials.shift[1] - slip[0]
         way2 = trials.shift[2] - slip[1] if n == 2 else 0.0
-        copy_springs(contacts.row, contacts.cells, contacts.trial_row, contacts.trial_cells)
+        copy_springs(law, contacts.row, contacts.cells, contacts.trial_row, contacts.trial_cells)
         press(
             law, overlap, pressure, (way1, way2), answer, contacts.trial_row, contacts.room,
             contacts.trial_cells,
@@ -345,7 +352,7 @@ def touch(
             trials.step[i] = 0.0 - trials.step[i]
             G[i] += trials.step[i]
 
-    copy_springs(contacts.trial_row, contacts.trial_cells, contacts.row, contacts.cells)
+    copy_springs(law, contacts.trial_row, contacts.trial_cells, contacts.row, contacts.cells)
     for i in range(d):
         force[i] = answer[i]
     for j in range(n):

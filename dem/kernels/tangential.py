@@ -11,8 +11,15 @@ Appl. Mech. 65 (1995) 478; M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349)
 
 In one direction u stays linear in pieces over xi = x^2, in which the bound is a line, and a move
 with dU/dd constant is exact at any length. In two directions u is a vector at the ends of equal
-cells in xi and returns to the circle of the bound along its radius, which approximates the turning
-of the traction.
+cells in xi. While it slips it stays on the circle of the bound and turns towards the move: from an
+angle theta to it by d theta = -(|dU| / b) sin theta, so that along a straight move in which b
+changes linearly
+
+    tan(theta/2) falls by  exp(-|dU| integral ds/b)
+
+in closed form (R. D. Krieg, D. B. Krieg, J. Press. Vessel Technol. 99 (1977) 510, whose b is
+constant): marches are of order 2 in two directions too. A return along the radius of the circle
+would leave order 1.
 
 A piece between x1 and x2 is a parabola in x: Simpson's rule is its force in closed form, and three
 points of Gauss' rule are exact for its energy and for what it loses by slip.
@@ -238,6 +245,57 @@ def stored_energy(row: SpringRow, law: TangentialLaw) -> float:
 # --- two directions -------------------------------------------------------------------------------
 
 
+@ieee
+def turned(
+    u1: float, u2: float, b0: float, b: float, way1: float, way2: float
+) -> tuple[float, float, float]:
+    """Displacement [m] of a spring after a straight move, while its bound changes linearly from b0
+    to b [m], and friction's heat over G* [m^2]; see the head of the module.
+
+    |u| less the bound is convex along the way, and the rate of slip grows while u turns towards it:
+    a spring that ends beyond the bound slips from one point of the move to its end.
+    """
+    t1, t2 = u1 + way1, u2 + way2
+    if t1 * t1 + t2 * t2 <= b * b:
+        return t1, t2, 0.0
+
+    # where it begins to slip: |u + s way| = b0 + s db
+    way, db = math.sqrt(way1 * way1 + way2 * way2), b - b0
+    square = way * way - db * db
+    half = u1 * way1 + u2 * way2 - b0 * db
+    inside = smaller(u1 * u1 + u2 * u2 - b0 * b0, 0.0)
+    root = math.sqrt(larger(half * half - square * inside, 0.0))
+    begin = 0.0
+    if half > 0.0:
+        begin = -inside / (half + root)
+    elif square > 0.0:
+        begin = (root - half) / square
+    begin = smaller(larger(begin, 0.0), 1.0)
+    u1, u2, rest = u1 + begin * way1, u2 + begin * way2, 1.0 - begin
+    bound, size = b0 + begin * db, math.sqrt(u1 * u1 + u2 * u2)
+    if way == 0.0:  # the bound shrinks
+        return u1 * b / size, u2 * b / size, rest * -db * 0.5 * (bound + b)
+
+    # cosine and sine of the angle to the move, and of half of it but for a factor
+    e1, e2 = way1 / way, way2 / way
+    along, across = 1.0, 0.0
+    if size > 0.0:
+        along, across = (u1 * e1 + u2 * e2) / size, (u2 * e1 - u1 * e2) / size
+    C, S = (1.0 + along, across) if along > 0.0 else (across, 1.0 - along)
+    if across != 0.0:
+        if bound > 0.0 and b > 0.0:
+            growth = (b - bound) / bound
+            spent = rest / bound if growth == 0.0 else rest / bound * math.log1p(growth) / growth
+            S *= math.exp(-way * spent)
+        else:
+            S = 0.0
+    norm = C * C + S * S
+    after = (C * C - S * S) / norm if norm > 0.0 else along
+    turn = 2.0 * C * S / norm if norm > 0.0 else across
+    lost = 0.5 * rest * (bound * larger(way * along - db, 0.0) + b * larger(way * after - db, 0.0))
+    return b * (after * e1 - turn * e2), b * (after * e2 + turn * e1), lost
+
+
 @ieee_entry
 def slide_cells(
     cells: SpringCells, law: TangentialLaw, d: float, q: float, way1: float, way2: float
@@ -268,27 +326,19 @@ def slide_cells(
         if xi >= larger(edge0, edge):
             break
 
-        # share of the move during which the spring is in contact, and where it would end
+        # share of the move during which the spring is in contact, and its bound then
         share = 1.0
         if xi >= edge0:
             share = (edge - xi) / (R * (d - d0))
         elif xi >= edge:
             share = (edge0 - xi) / (R * (d0 - d))
-        t1, t2 = u[k, 0] + share * way1, u[k, 1] + share * way2
-        size, b = math.hypot(t1, t2), q * c * larger(d - xi / R, 0.0)
-
-        # back to the circle along the radius
-        lost, slip = 0.0, size - b
-        if slip > 0.0:
-            db = c * (q * (d - xi / R) - q0 * (d0 - xi / R))
-            rate = larger((t1 * way1 + t2 * way2) / size - db, slip)
-            lost = slip * larger(b - 0.5 * db * slip / rate, 0.0)
-            t1, t2 = t1 * b / size, t2 * b / size
-        elif xi < edge:
+        b0, b = q0 * c * larger(d0 - xi / R, 0.0), q * c * larger(d - xi / R, 0.0)
+        t1, t2, lost = turned(u[k, 0], u[k, 1], b0, b, share * way1, share * way2)
+        if lost == 0.0 and xi < edge:
             sticking += smaller(width, edge - xi)
         u[k, 0], u[k, 1] = t1, t2
-        if k > 0:
-            heat += integral(xi - width, xi, before, lost)
+        if before != 0.0 or lost != 0.0:
+            heat += integral(larger(xi - width, 0.0), xi, before, lost)
         before = lost
     # what lies between the last of the cells' ends and the edge
     outer = larger(edge0, edge)
@@ -302,20 +352,36 @@ def slide_cells(
     return heat
 
 
+@ieee
+def cells_within(cells: SpringCells, law: TangentialLaw) -> int:
+    """Springs from the first on that are in contact."""
+    edge, width = law.radius * cells.state[OVERLAP], cells.state[WIDTH]
+    return min(math.ceil(edge / width), cells.u.shape[0]) if edge > 0.0 else 0
+
+
 @ieee_entry
-def cell_force(cells: SpringCells, law: TangentialLaw, j: int) -> float:
-    """`tangential_force` of the cells in direction j [N]."""
+def cell_force(cells: SpringCells, law: TangentialLaw) -> tuple[float, float]:
+    """`tangential_force` of the cells in both directions [N]: `integral` of each cell, with one
+    root of xi a cell."""
     u, width = cells.u, cells.state[WIDTH]
     edge = law.radius * larger(cells.state[OVERLAP], 0.0)
-    force = 0.0
+    force1, force2, x1 = 0.0, 0.0, 0.0
     for k in range(u.shape[0]):
         xi = k * width
         if xi >= edge:
             break
         whole = xi + width < edge and k + 1 < u.shape[0]
-        after = u[k + 1, j] if whole else 0.0
-        force += integral(xi, xi + width if whole else edge, u[k, j], after)
-    return law.modulus * force
+        x2 = math.sqrt(xi + width if whole else edge)
+        h = x2 - x1
+        at_middle = (2.0 * x1 + 0.5 * h) / (2.0 * (x1 + x2))
+        here, there = h / 3.0 * (5.0 - 4.0 * at_middle), h / 3.0 * (1.0 + 4.0 * at_middle)
+        force1 += here * u[k, 0]
+        force2 += here * u[k, 1]
+        if whole:
+            force1 += there * u[k + 1, 0]
+            force2 += there * u[k + 1, 1]
+        x1 = x2
+    return law.modulus * force1, law.modulus * force2
 
 
 @ieee_entry

@@ -136,6 +136,30 @@ def test_a_run_leaves_a_page_that_moves_structure_and_chains(tmp_path, own_folde
     assert "2 chains lean on one assembly" in text
 
 
+def test_a_sweep_over_delays_and_places_has_the_numbers_of_runs(struck, tmp_path):
+    """A row for each case: waves and force of both chains as a run of it has them."""
+    over = {"chains.end.striker.time": ["30us", "80us"], "chains.top.at": [[0.01, 0.0], [0.4, 0.0]]}
+    found = beadwave.sweep(TWO, over=over, out=tmp_path / "swept")
+    rows = found.data()
+    assert rows["status"].tolist() == ["done", "failed", "done", "failed"]
+    assert "chains.top" in rows["message"].iloc[1] and "leaves that face" in rows["message"].iloc[1]
+    for case, run in ((0, struck), (2, beadwave.impact(TWO, {"chains.end.striker.time": "80 us"}))):
+        row = rows.iloc[case]
+        for name, chain in run.summary.chains.items():
+            assert row[f"{name}_wall_peak_force_N"] == pytest.approx(chain.peak_wall_force_N)
+            incident = chain.waves["2"].arrivals[0]
+            assert row[f"{name}_sphere_2_incident_s"] == pytest.approx(incident.time_s, rel=1e-6)
+        assert row["wall_peak_force_N"] == pytest.approx(run.summary.peak_wall_force_N)
+        assert row["error_time"] == pytest.approx(run.summary.error_estimate.time)
+        assert row["error_reduction"] == pytest.approx(
+            run.summary.error_estimate.reduction, rel=1e-6
+        )
+    assert {"top_wall_peak_force_N", "end_wall_peak_force_N"} <= set(found.main)
+    assert found.units == {"chains.end.striker.time": "s", "chains.top.at": "m"}
+    with pytest.raises(InvalidScene, match=r"--signals are of one \[chain\]"):
+        beadwave.sweep(TWO, over=over, out=tmp_path / "kept", signals=True)
+
+
 def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
     (tmp_path / "two.toml").write_text(
         'chains = [{ name = "only", on = "plate:+z", count = 2, radius = "6 mm", '

@@ -11,6 +11,11 @@ def with_chain(scene: Scene) -> Scene:
     return _with(scene, scene.chain, "[chain]; add one, or take rig-1dof")
 
 
+def with_chains(scene: Scene) -> Scene:
+    """A scene with a chain, or with several."""
+    return _with(scene, scene.chain or scene.chains, "[chain]; add one, or take rig-1dof")
+
+
 def with_spheres(scene: Scene) -> Scene:
     """A scene with a chain, with several, or with a crystal."""
     lacking = "[chain] and no [crystal]; add one, or take rig-1dof"

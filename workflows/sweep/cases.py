@@ -9,9 +9,10 @@ import numpy as np
 
 from beadwave.workflows.files.scene import Changes, Source, Written, completed, each, written
 from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
-from beadwave.workflows.scene.required_parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chains
 from beadwave.workflows.scene.toml import changed, keys_set
 from beadwave.workflows.stages.chain.chain import TOGETHER
+from beadwave.workflows.sweep.core.case_row import Watched
 from beadwave.workflows.sweep.core.design import Design
 
 SIDE_BY_SIDE = {f"{table}.{name}" for table, names in TOGETHER.items() for name in names}
@@ -29,7 +30,7 @@ class Base(NamedTuple):
         # the kind of a table first, since to change it drops the other keys of the table
         ordered = sorted(values.items(), key=lambda pair: not pair[0].endswith(".kind"))
         tables = changed(self.written.tables, ordered)
-        scene = with_chain(completed(self.written._replace(tables=tables)))
+        scene = with_chains(completed(self.written._replace(tables=tables)))
         meshed = any(key.startswith("mesh.") for key in values)
         return scene if meshed or self.sizes_of is None else scene.with_sizes_of(self.sizes_of)
 
@@ -41,10 +42,22 @@ class Base(NamedTuple):
             value: Any = self.with_values({key: text})
         # the value in the scene, which has read the unit of the text
         for name in key.split("."):
+            if isinstance(value, tuple):  # of tables, by their names
+                value = {str(getattr(row, "name", None)): row for row in value}
             value = value.get(name) if isinstance(value, dict) else getattr(value, name, None)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise InvalidScene(f"{key}: {text!r} is no number; give numbers for a range.")
         return float(value)
+
+
+def watched(scene: Scene) -> Watched:
+    """The spheres of a scene that its table has waves of."""
+    spheres = scene.output.spheres
+    if scene.chain:
+        return {"": spheres}
+    return {
+        f"{row.name}_": tuple(s for s in spheres if s <= row.count) for row in scene.chains or ()
+    }
 
 
 def base_of(source: Source, changes: Changes) -> Base:
@@ -131,6 +144,11 @@ class CheckedGroup:
             yield CheckedGroup(self.base, sound.take(places), {})
 
     @property
+    def watched(self) -> Watched:
+        """The spheres that its rows have waves of."""
+        return watched(self.scene or self.base.with_values({}))
+
+    @property
     def across(self) -> bool:
         """True if its rows have columns of friction."""
         keys = (*self.group.shared, *self.group.columns)
@@ -141,6 +159,8 @@ class CheckedGroup:
     def side_by_side(self) -> bool:
         """True if its chains may march side by side."""
         scene = self.scene
+        if scene.chains:
+            return False
         differs = {key.split(".")[0] for key in self.group.columns}
         return not (
             scene.contact.yield_pressure is not None

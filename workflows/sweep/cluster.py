@@ -186,9 +186,5 @@ def _result(future: Any, running: dict[Any, Task]) -> list[Rows]:
     except Exception as reason:  # whatever a worker died of
         message = f"its worker ended ({type(reason).__name__}): too little memory, or it was killed"
         cases = task.checked.group.cases
-        spheres = task.checked.base.with_values({}).output.spheres
-        return [
-            without_result(
-                spheres, cases, FAILED, [message] * len(cases), across=task.checked.across
-            )
-        ]
+        watched, across = task.checked.watched, task.checked.across
+        return [without_result(watched, cases, FAILED, [message] * len(cases), across=across)]

@@ -5,7 +5,9 @@ from time import perf_counter
 import numpy as np
 
 from beadwave import coupling, dem
+from beadwave.dem.space import row_runs
 from beadwave.workflows.scene import RomWall, Scene
+from beadwave.workflows.stages.chain import several
 from beadwave.workflows.stages.chain.chain import on_surface, start, together
 from beadwave.workflows.stages.chain.impact import impact, require_start
 from beadwave.workflows.stages.chain.walls import simple_wall
@@ -24,26 +26,27 @@ from beadwave.workflows.sweep.models import FAILURES, SharedWall, sentence
 def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]:
     """Rows of all cases of a group, in any order; a case that fails is a row with its sentence."""
     scene, group = checked.scene, checked.sound
-    spheres = (scene or checked.base.with_values({})).output.spheres
-    finished = []
+    watched, finished = checked.watched, []
 
     # cases whose scene was refused
     if checked.refused:
         places = sorted(checked.refused)
         cases = tuple(checked.group.cases[i] for i in places)
         sentences = [checked.refused[i] for i in places]
-        finished.append(without_result(spheres, cases, REFUSED, sentences, across=checked.across))
+        finished.append(without_result(watched, cases, REFUSED, sentences, across=checked.across))
     if not group.cases:
         return finished
 
     # cases whose wall failed
     if shared.failure:
         sentences = [shared.failure] * len(group.cases)
-        failed = without_result(spheres, group.cases, FAILED, sentences, across=checked.across)
+        failed = without_result(watched, group.cases, FAILED, sentences, across=checked.across)
         return [*finished, failed]
 
     # cases that march; the batch takes walls of oscillators alone
     side_by_side = checked.side_by_side and not isinstance(shared.wall, coupling.CoupledWall)
+    if scene.chains:
+        return finished + _several(checked, group, shared)
     take = _side_by_side if side_by_side and len(group.cases) > 1 else _one_by_one
     return finished + take(checked, group, shared, signals)
 
@@ -54,7 +57,7 @@ def _side_by_side(
     """Cases in one march; where it fails as a whole, its halves, down to the case that fails."""
     # an invalid case fails the whole batch: its halves are tried, so that only that case is lost
     scene, started = checked.scene, perf_counter()
-    spheres = scene.output.spheres
+    watched = checked.watched
     columns = {key: np.array(values, float) for key, values in group.columns.items()}
     try:
         chains = together(on_surface(scene, shared.surface), columns, shared.wall)
@@ -67,7 +70,7 @@ def _side_by_side(
         )
     except FAILURES as reason:
         if len(group.cases) == 1:
-            return [without_result(spheres, group.cases, FAILED, [sentence(reason)])]
+            return [without_result(watched, group.cases, FAILED, [sentence(reason)])]
         middle = len(group.cases) // 2
         halves = range(middle), range(middle, len(group.cases))
         groups = (group.take(list(half)) for half in halves)
@@ -90,7 +93,7 @@ def _side_by_side(
                 continue
             sentences.append(batch.refused[i] if verdict.possible else verdict.findings[0])
         cases = tuple(group.cases[i] for i in places)
-        finished.append(without_result(spheres, cases, FAILED, sentences))
+        finished.append(without_result(watched, cases, FAILED, sentences))
         marched = [i for i in range(len(group.cases)) if i not in batch.refused]
         if not marched:
             return finished
@@ -98,7 +101,7 @@ def _side_by_side(
 
     # waves, forces and errors of the cases that were marched
     table = measured(
-        spheres, batch.t, batch.v, batch.wall_force,
+        watched, batch.t, batch.v, batch.wall_force[:, :, None],
         energy_error=batch.energy_error, error_time=batch.error_estimate,
         error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
         message=shared.message,
@@ -138,10 +141,9 @@ def _one_by_one(
                 }
         except FAILURES as reason:
             # this case alone is lost: the others go on
-            spheres = checked.scene.output.spheres
-            failed = [sentence(reason)]
+            watched, failed = checked.watched, [sentence(reason)]
             finished.append(
-                without_result(spheres, (number,), FAILED, failed, across=checked.across)
+                without_result(watched, (number,), FAILED, failed, across=checked.across)
             )
             continue
 
@@ -149,7 +151,7 @@ def _one_by_one(
         v = run.v[None][:, :, [sphere - 1 for sphere in scene.output.spheres]]
         force = run.contact_force[None, :, -1] if scene.wall else np.zeros((1, len(run.t)))
         table = measured(
-            scene.output.spheres, run.t, v, force,
+            checked.watched, run.t, v, force[:, :, None],
             energy_error=run.energy_error,
             error_time=error_time,
             error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
@@ -158,6 +160,33 @@ def _one_by_one(
         )  # fmt: skip
         series = {"t": run.t, "v": v, "wall_force": force} if signals else None
         finished.append(Rows((number,), table, series))
+    return finished
+
+
+def _several(checked: CheckedGroup, group: Group, shared: SharedWall) -> list[Rows]:
+    """Cases of several chains, a march each on their structure."""
+    finished, watched = [], checked.watched
+    for i, number in enumerate(group.cases):
+        started = perf_counter()
+        try:
+            scene = checked.base.with_values(group.values(i))
+            at_rest = several.start(scene, shared.surface, shared.wall)
+            run = several.march(scene, at_rest, shared.wall)
+        except FAILURES as reason:
+            finished.append(without_result(watched, (number,), FAILED, [sentence(reason)]))
+            continue
+        rows_of_run = row_runs(at_rest.rows, shared.wall, run)
+        pairs = list(zip(rows_of_run, watched.values(), strict=True))
+        v = np.hstack([row.v[:, [s - 1 for s in spheres]] for row, spheres in pairs])[None]
+        force = np.stack([row.contact_force[:, -1] for row in rows_of_run], axis=1)[None]
+        table = measured(
+            watched, run.t, v, force,
+            energy_error=run.energy_error,
+            error_time=np.nan if run.error_estimate is None else run.error_estimate,
+            error_reduction=shared.error_reduction,
+            dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started,
+        )  # fmt: skip
+        finished.append(Rows((number,), table))
     return finished
 
 

@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from beadwave import coupling, dem
+from beadwave.dem import space
 from beadwave.workflows.scene import InvalidScene, RomWall, Scene
 from beadwave.workflows.stages import warnings
+from beadwave.workflows.stages.chain import several
 from beadwave.workflows.stages.chain.chain import start
 from beadwave.workflows.stages.chain.impact import impact
 from beadwave.workflows.stages.chain.walls import wall_of
@@ -42,7 +44,10 @@ class Source(NamedTuple):
 
     @property
     def stages(self) -> tuple[str, str]:
-        """Names of the reduction and of what tells the error of the mesh."""
+        """Names of the reduction and of what tells the error of the mesh; of several chains, which
+        have none in the waves, of the reduction and their contacts."""
+        if self.scene.chains:
+            return "reduction", "chain-contacts"
         of_mesh = "missed-energy" if self.scene.bending is None else "second-mesh"
         return ("jointed" if self.springs else "reduction"), of_mesh
 
@@ -56,8 +61,10 @@ class Models(NamedTuple):
     """A reduced model of an assembly, and what tells the error of its mesh, if anything does."""
 
     reduction: Any
+    # of several chains their contacts
     second: Any | None
-    errors: tuple[float, float] | None = None  # where springs vary: those of the source
+    # where springs vary, and of several chains: those of the source
+    errors: tuple[float, float] | None = None
     of_mesh: str = ""  # a sentence where the mesh states more than mesh.error asks for
 
 
@@ -65,12 +72,12 @@ class SharedWall(NamedTuple):
     """The reduced wall that the cases of a group share, and the errors of its model over the
     striker's speed; or why there is none."""
 
-    wall: dem.Wall | coupling.CoupledWall | None = None
+    wall: dem.Wall | coupling.CoupledWall | space.Structure | None = None
     error_reduction: float = float("nan")
     error_mesh: float = float("nan")
     failure: str = ""
     message: str = ""  # on the mesh, in the row of each case
-    surface: Any = None  # rom.Contact of the face struck
+    surface: Any = None  # rom.Contact of the face struck; ChainContacts of several chains
 
 
 def models_key(source: Source) -> str | None:
@@ -90,6 +97,11 @@ def models(source: Source) -> Models | str:
     pipeline, (reduction, second) = source.pipeline, source.stages
     try:
         first = pipeline(reduction)
+        if source.scene.chains:
+            contacts = pipeline(second)
+            pipeline.release()
+            errors = _error_of_chains(source.scene, first, contacts), float("nan")
+            return Models(first, contacts, errors)
         try:
             of_mesh = pipeline(second)
         except ValueError:  # no other mesh tells the error of this one
@@ -114,9 +126,12 @@ def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> Sh
     computed."""
     if isinstance(models, str):
         return SharedWall(failure=models)
-    if not isinstance(scene.wall, RomWall):
-        return SharedWall()
     try:
+        if scene.chains:
+            structure = several.structure(scene, models.reduction, models.second)
+            return SharedWall(structure, *models.errors, surface=models.second)
+        if not isinstance(scene.wall, RomWall):
+            return SharedWall()
         if models is None:
             return SharedWall(wall_of(scene, None))
         if source.springs:
@@ -163,6 +178,15 @@ def _errors(
     except ValueError:
         return of_reduction, nan
     return of_reduction, error(missed)
+
+
+def _error_of_chains(scene: Scene, reduction: Any, contacts: Any) -> float:
+    """Error of the reduction in the waves of several chains, over the striker's speed."""
+    structure = several.structure(scene, reduction, contacts)
+    at_rest = several.start(scene, contacts, structure)
+    run = several.march(scene, at_rest, structure)
+    arguments = scene, at_rest, structure, run, reduction, contacts
+    return several.reduction_errors(*arguments).largest
 
 
 def sentence(reason: Exception) -> str:

@@ -66,11 +66,16 @@ class Sweep:
 
     @property
     def main(self) -> tuple[str, ...]:
-        """Columns that are drawn by default: echo delay and ratio at the last sphere, the wall's
-        force, and of friction the surface's velocity and the loop."""
-        waves = [name for name in self.outputs if name.endswith(MAIN)]
-        further = ("wall_peak_force_N", "surface_velocity_ratio", "loop_energy_J")
-        return (*waves[-len(MAIN) :], *(n for n in self.outputs if n in further))
+        """Columns that are drawn by default: of each chain echo delay and ratio at its last sphere
+        and the force at the wall, and of friction the surface's velocity and the loop."""
+        chains: dict[str, list[str]] = {}
+        for name in self.outputs:
+            if name.endswith(MAIN):
+                chains.setdefault(name[: name.rindex("sphere_")], []).append(name)
+        waves = [name for names in chains.values() for name in names[-len(MAIN) :]]
+        walls = (f"{chain}wall_peak_force_N" for chain in chains or [""])
+        further = (*walls, "surface_velocity_ratio", "loop_energy_J")
+        return (*waves, *(n for n in self.outputs if n in further))
 
     def data(self) -> Any:
         """The table as a pandas.DataFrame."""

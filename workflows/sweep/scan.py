@@ -28,7 +28,7 @@ from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.walls import require_support
 from beadwave.workflows.stages.errors.better_walls import MARGIN, SHORTER
 from beadwave.workflows.stages.structure.face import StruckFace, to_hz
-from beadwave.workflows.sweep.cases import Base
+from beadwave.workflows.sweep.cases import Base, watched
 from beadwave.workflows.sweep.core.case_row import (
     FAILED,
     LARGE_ERROR,
@@ -145,7 +145,7 @@ def scan(
     changes meanwhile.
     """
     scene, outline = face.scene, face.outline()
-    spheres = scene.output.spheres
+    of_rows = watched(scene)
     name = scene.strike.on
     plain = {"name": name, "axes": outline.axes, "edges": outline.edges.tolist()}
     about = About(dict.fromkeys(design.keys, "m"), plain)
@@ -164,7 +164,7 @@ def scan(
     patches = {int(missing[i]): patch for i, patch in placed.items()}
     if refused:
         cases = tuple(int(missing[i]) for i in refused)
-        store.add(without_result(spheres, cases, REFUSED, list(refused.values())))
+        store.add(without_result(of_rows, cases, REFUSED, list(refused.values())))
 
     if patches:
         # all walls at once: they share the modes of the structure
@@ -176,7 +176,7 @@ def scan(
         impossible = march.impossible(wall)
         if impossible:
             failed = tuple(cases[list(impossible)].tolist())
-            store.add(without_result(spheres, failed, FAILED, list(impossible.values())))
+            store.add(without_result(of_rows, failed, FAILED, list(impossible.values())))
         possible = np.delete(np.arange(len(cases)), list(impossible))
         if face.few_elements:
             other = _on_split_mesh(face, march, points[cases])
@@ -190,7 +190,7 @@ def scan(
         batch = march(_some(wall, part))
         if batch.refused:
             failed = tuple(cases[part[list(batch.refused)]].tolist())
-            store.add(without_result(spheres, failed, FAILED, list(batch.refused.values())))
+            store.add(without_result(of_rows, failed, FAILED, list(batch.refused.values())))
             marched = [i for i in range(len(part)) if i not in batch.refused]
             part, batch = part[marched], taken(batch, marched)
         if not len(part):
@@ -217,7 +217,7 @@ def scan(
             ]
             messages.append("; ".join([*sentences, *other.without.get(case, ())]))
         table = measured(
-            spheres, batch.t, batch.v, batch.wall_force,
+            of_rows, batch.t, batch.v, batch.wall_force[:, :, None],
             energy_error=batch.energy_error,
             error_time=np.nan if batch.error_estimate is None else batch.error_estimate,
             error_reduction=error_reduction, error_mesh=error_mesh, dt_s=batch.dt,

@@ -33,6 +33,8 @@ Progress = Callable[[int, int], None]  # cases done, cases in all
 
 def require_keys(base: Base, design: Design, signals: bool) -> None:
     """Raise InvalidScene for keys that cannot vary, or that no scene has."""
+    if signals and base.with_values({}).chains:
+        raise InvalidScene("--signals are of one [chain], not of [[chains]]; drop it.")
     for key in design.keys:
         if key.startswith(FIXED) or (signals and key.startswith("time.")):
             raise InvalidScene(

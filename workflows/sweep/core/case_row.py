@@ -1,5 +1,6 @@
 """A case's row of the table: its waves at the watched spheres, the wall's force, errors."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +24,11 @@ OF_SPHERE = (
     "incident_s", "incident_m_s", "reflected_s", "reflected_m_s", "echo_delay_s", "echo_ratio"
 )  # fmt: skip
 LARGE_ERROR = 0.05  # of velocities, in parts of the striker's; a row and the terminal warn of it
+WALL = "wall_peak_force_N", "wall_peak_s"
 Array = np.ndarray
+# spheres that are watched, by what their columns begin with: "" of one chain, "NAME_" of each of
+# several
+Watched = Mapping[str, tuple[int, ...]]
 
 
 class Rows(NamedTuple):
@@ -34,10 +39,13 @@ class Rows(NamedTuple):
     signals: dict[str, Array] | None = None  # v (cases, k, spheres), wall_force (cases, k), t (k,)
 
 
-def names(spheres: tuple[int, ...], across: bool) -> tuple[str, ...]:
+def names(watched: Watched, across: bool) -> tuple[str, ...]:
     """Names of the table's columns after those of the keys; `across` with those of friction."""
-    of_spheres = (f"sphere_{s}_{name}" for s in spheres for name in OF_SPHERE)
-    return (*of_spheres, *(ACROSS if across else ()), *RUN)
+    of_chains: list[str] = []
+    for chain, spheres in watched.items():
+        of_chains += (f"{chain}sphere_{s}_{name}" for s in spheres for name in OF_SPHERE)
+        of_chains += (chain + name for name in WALL if chain)
+    return (*of_chains, *(ACROSS if across else ()), *RUN)
 
 
 def other_wave(sphere: int) -> str:
@@ -46,28 +54,37 @@ def other_wave(sphere: int) -> str:
 
 
 def measured(
-    spheres: tuple[int, ...], t: Array, v: Array, wall_force: Array, **run: Any
+    watched: Watched, t: Array, v: Array, wall_force: Array, **run: Any
 ) -> dict[str, list[Any]]:
-    """Columns of cases with velocities v (m, k, len(spheres)) [m/s] and wall_force (m, k) [N] at
-    times t (k,) [s]; `run` has a number for all, or one each, of the other columns."""
-    m, columns = len(v), {}
-    for j, sphere in enumerate(spheres):
-        waves = passages(t, v[:, :, j])
-        # of the reflected wave after and over the incident one
-        delay, ratio = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
-        for name, values in zip(OF_SPHERE, (*waves.T, delay, ratio), strict=True):
-            columns[f"sphere_{sphere}_{name}"] = values.tolist()
-    columns["wall_peak_force_N"] = wall_force.max(axis=1).tolist()
-    columns["wall_peak_s"] = t[wall_force.argmax(axis=1)].tolist()
+    """Columns of cases with velocities v (m, k, n) [m/s] of all n spheres that are watched and
+    wall_force (m, k, number of chains) [N] at times t (k,) [s]; `run` has a number for all, or one
+    each, of the other columns."""
+    m, columns, first = len(v), {}, 0
+    for i, (chain, spheres) in enumerate(watched.items()):
+        for j, sphere in enumerate(spheres, start=first):
+            waves = passages(t, v[:, :, j])
+            # of the reflected wave after and over the incident one
+            delay, ratio = waves[:, 2] - waves[:, 0], np.abs(waves[:, 3] / waves[:, 1])
+            for name, values in zip(OF_SPHERE, (*waves.T, delay, ratio), strict=True):
+                columns[f"{chain}sphere_{sphere}_{name}"] = values.tolist()
+        first += len(spheres)
+        columns |= peak(chain, t, wall_force[:, :, i])
+    columns |= peak("", t, wall_force.max(axis=2))
     run = {"status": DONE, "message": "", "error_reduction": np.nan, "error_mesh": np.nan} | run
     for name, value in run.items():
         value = value.tolist() if isinstance(value, np.ndarray) else value
         columns[name] = list(value) if isinstance(value, list | tuple) else [value] * m
-    return {name: columns[name] for name in names(spheres, ACROSS[0] in run)}
+    return {name: columns[name] for name in names(watched, ACROSS[0] in run)}
+
+
+def peak(chain: str, t: Array, force: Array) -> dict[str, list[float]]:
+    """Columns of the largest force (m, k) [N] of a chain at the wall, and of its time [s]."""
+    values = force.max(axis=1), t[force.argmax(axis=1)]
+    return {chain + name: x.tolist() for name, x in zip(WALL, values, strict=True)}
 
 
 def without_result(
-    spheres: tuple[int, ...],
+    watched: Watched,
     cases: tuple[int, ...],
     status: str,
     messages: list[str],
@@ -75,7 +92,7 @@ def without_result(
     across: bool = False,
 ) -> Rows:
     """Rows of cases that were refused or failed, each with its sentence; `across` as of `names`."""
-    columns: dict[str, list[Any]] = {name: [np.nan] * len(cases) for name in names(spheres, across)}
+    columns: dict[str, list[Any]] = {name: [np.nan] * len(cases) for name in names(watched, across)}
     columns |= {"status": [status] * len(cases), "message": messages}
     columns["seconds"] = [0.0] * len(cases)
     return Rows(cases, columns)
