@@ -23,6 +23,7 @@ from scipy.interpolate import CubicSpline
 from beadwave import dem
 from beadwave.coupling.band import Band, filtered
 from beadwave.coupling.errors import CouplingError
+from beadwave.dem.space import RowRun
 from beadwave.dem.waves.labels import Label, labels
 from beadwave.dem.waves.tracks import WaveTrack
 
@@ -92,6 +93,7 @@ class Sensor(NamedTuple):
     noise: float = 0.0  # rms over the largest value of the signal, of a synthetic record
     range: float | None = None  # largest value that is shown; None: what fits the signal
     column: int | None = None  # of one on a structure, in `structure_sensors.SensorSignals`
+    chain: int = 0  # of several chains the one whose sphere it is, counted from 0
 
 
 def measured(
@@ -252,22 +254,25 @@ class SensorRecord(NamedTuple):
 
 def sensor_record(
     sensors: Sequence[Sensor],
-    run: dem.Trajectory,
-    tracks: Sequence[WaveTrack],
+    runs: Sequence[tuple[dem.Trajectory | RowRun, Sequence[WaveTrack]]],
     *,
     sampling: float,
     bits: int | None,
     seed: int,
     structure: "SensorSignals | None" = None,
 ) -> SensorRecord:
-    """Signals of a run at a sampling rate [Hz], rounded to `bits` (None: not rounded), with noise
-    from `seed`, and the waves in them; `structure` is the motion that sensors on it read, in which
-    no waves are named."""
-    at = instants(run.t, sampling)
-    quantities = measured(sensors, run.t, run.x, run.v, run.contact_force, structure)
-    y = recorded(sensors, signals(sensors, run.t, quantities, at), bits, seed)
+    """Signals of a run of each chain, with its waves, at a sampling rate [Hz], rounded to `bits`
+    (None: not rounded), with noise from `seed`, and the waves in them; `structure` is the motion
+    that sensors on it read, in which no waves are named."""
+    t = runs[0][0].t
+    at, quantities = instants(t, sampling), []
+    for sensor in sensors:
+        run, _ = runs[sensor.chain]
+        quantities.append(measured([sensor], t, run.x, run.v, run.contact_force, structure))
+    y = recorded(sensors, signals(sensors, t, np.hstack(quantities), at), bits, seed)
     waves = []
     for sensor, signal in zip(sensors, y.T, strict=True):
+        run, tracks = runs[sensor.chain]
         if sensor.sphere is None:
             waves.append(())
             continue

@@ -61,30 +61,33 @@ def sensed_in_run(
     t: NDArray[np.float64],
     force: NDArray[np.float64],
     *,
+    contacts: NDArray[np.float64] | None = None,
     damping: Damping | None = None,
     finer: int = FINER,
 ) -> SensorSignals:
-    """Signals of the sensors of a reduced model in a run whose contact force along the normal is
-    `force` (k,) [N] at equal times t (k,) [s], with `finer` instants of the modes from one to the
-    next.
+    """Signals of the sensors of a reduced model of r coordinates in a run whose contact force along
+    the normal is `force` (k,) [N] at equal times t (k,) [s], or of `contacts` (r, p) forces (k, p),
+    with `finer` instants of the modes from one to the next.
 
     The structure starts at rest under the force of t[0]. Raises CouplingError where C couples the
     modes.
     """
     from scipy.signal import lfilter
 
-    sense = reduced.columns.sense
-    modes = modes_and_oscillators(reduced, np.column_stack([reduced.w, sense]))
-    omega, phi, sense = modes.omega, modes.phi[:, 0], modes.phi[:, 1:]
+    W = np.column_stack([reduced.w if contacts is None else contacts])
+    modes = modes_and_oscillators(reduced, np.column_stack([W, reduced.columns.sense]))
+    omega, phi, sense = modes.omega, *np.split(modes.phi, [W.shape[1]], axis=1)
     zeta = damping_ratios(damping, omega) + matrix_ratios(modes.damping, omega)
     n = finer * (len(t) - 1)
     h = (t[-1] - t[0]) / n
-    F = CubicSpline(t, force - force[0])(t[0] + h * np.arange(n + 1))
+    force = np.column_stack([force])
+    pushes = CubicSpline(t, force - force[0])(t[0] + h * np.arange(n + 1)) @ phi.T
 
-    # over a step F is linear: z(h) = E z(0) + phi (F_0 (E - 1) / lambda + the slope's part)
+    # over a step the push F on a mode is linear: z(h) = E z(0) + F_0 (E - 1) / lambda + the slope's
+    # part
     q, p = np.zeros((2, n // finer + 1, len(omega)))
     critical = 1e-7  # distance from critical damping, where the two roots are one
-    for j, (w, ratio) in enumerate(zip(omega, zeta, strict=True)):
+    for j, (w, ratio, F) in enumerate(zip(omega, zeta, pushes.T, strict=True)):
         if w == 0.0:
             p_fine = np.append(0.0, np.cumsum(h / 2 * (F[1:] + F[:-1])))
             q_fine = np.cumsum(h * p_fine[:-1] + h**2 * (F[:-1] / 3 + F[1:] / 6))
@@ -101,6 +104,5 @@ def sensed_in_run(
             z.append(lfilter([1.0], [1.0, -np.exp(rate * h)], driven)[::finer])
         q[:, j] = ((z[0] - z[1]) / (2 * swing)).real
         p[:, j] = ((lambdas[0] * z[0] - lambdas[1] * z[1]) / (2 * swing)).real
-    q, p = phi * q, phi * p
-    rate = np.outer(F[::finer], phi) - 2 * zeta * omega * p - omega**2 * q
+    rate = pushes[::finer] - 2 * zeta * omega * p - omega**2 * q
     return SensorSignals(q @ sense, p @ sense, rate @ sense)

@@ -178,6 +178,19 @@ def test_a_sphere_that_cannot_be_is_refused(arm, velocity, sentence):
         march_space(chain, random_wall(1), [0.1], body, duration=1e-4, error=1e-4)
 
 
+@pytest.mark.slow
+def test_two_directions_before_a_residual_compliance_are_of_order_two():
+    """An error of 1e-6 takes 12,000 steps; springs returned along the radius took 1.2 million."""
+    S = 4e-9 * np.array([[1.0, 0.3, -0.2], [0.3, 1.2, 0.4], [-0.2, 0.4, 0.8]])
+    chain, wall = row(), random_wall(6)._replace(residual_compliance=S)
+    options = {"duration": 1e-3, "n_save": 100}
+    run = march_space(chain, wall, [0.1], last(chain, (0.06, 0.05)), error=1e-6, **options)
+    assert run.trajectory.n_steps < 40_000
+    rough = march_space(chain, wall, [0.1], last(chain, (0.06, 0.05)), error=1e-4, **options)
+    true = np.abs(rough.lateral.sphere_t_v - run.lateral.sphere_t_v).max() / 0.1
+    assert true < rough.lateral.error_estimate
+
+
 def test_what_nothing_moves_stays_at_rest():
     """No speed, and no force at the wall: the contact has no rate, and a step is none the less
     found."""
@@ -219,6 +232,9 @@ def test_a_mode_whose_period_is_near_the_first_step_does_not_blow_up(detuned):
         load=np.zeros((5, 0)),
         sense=np.zeros((5, 0)),
     )
-    run = march_space(chain, stiff, [0.05], body, duration=2e-3, n_save=100, error=1e-2)
-    assert run.lateral.error_estimate <= 1e-2
-    assert run.lateral.energy_error < 1e-3
+    options = {"duration": 2e-3, "n_save": 100}
+    run = march_space(chain, stiff, [0.05], body, **options, error=1e-2)
+    fine = march_space(chain, stiff, [0.05], body, **options, error=1e-3)
+    true = np.abs(run.lateral.sphere_t_v - fine.lateral.sphere_t_v).max() / 0.05
+    assert true < run.lateral.error_estimate <= 1e-2
+    assert run.lateral.energy_error < 1e-2 and fine.lateral.energy_error < 1e-3

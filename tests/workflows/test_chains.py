@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 import beadwave
@@ -13,9 +14,11 @@ from beadwave.dem import space
 from beadwave.rom import full_order
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.page_data import page_data
+from beadwave.workflows.scene.places import sensor_places
 from beadwave.workflows.stages.chain.several import start
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.structure.functionals import bodies_of_faces, functional
 
 from command_line import beadwave as command
 
@@ -160,6 +163,55 @@ def test_a_sweep_over_delays_and_places_has_the_numbers_of_runs(struck, tmp_path
         beadwave.sweep(TWO, over=over, out=tmp_path / "kept", signals=True)
 
 
+SENSED = [
+    {"sphere": 2, "chain": "top"},
+    {"sphere": 1, "chain": "end", "quantity": "velocity", "gain": 2.0},
+    {"on": "plate:+y", "quantity": "displacement", "direction": "z", "low_pass": 1e7},
+]
+
+
+def test_sensors_show_the_chains_that_they_name_and_the_structure_under_both(tmp_path):
+    """Spheres as the trajectory has them; a face as all modes of the mesh move it under both contact
+    forces, to 2e-3."""
+    scene = PLATE | {"chains": [TOP, END]}
+    scene["output"] = {**PLATE["output"], "sensors": SENSED, "samples": 1601}
+    run = beadwave.impact(scene, out=tmp_path / "run")
+    assert set(run.summary.sensors) == {
+        "force top 2", "velocity end 1", "displacement plate:+y z"
+    }  # fmt: skip
+    lines = (tmp_path / "run" / "signals.csv").read_text(encoding="utf-8").splitlines()
+    assert "top sphere 2 force [N]" in lines[1] and "end sphere 1 velocity [V]" in lines[1]
+    t, force, velocity, moved = np.loadtxt(lines[2:], delimiter=",").T
+    a = run.arrays
+    F, v = a["contact_force"], a["v"]
+    at = [np.interp(t, a["t"], x) for x in (0.5 * (F[:, 0] + F[:, 1]), 2.0 * v[:, 4])]
+    np.testing.assert_allclose(force, at[0], atol=0.02 * at[0].max())
+    np.testing.assert_allclose(velocity, at[1], atol=0.02 * at[1].max())
+
+    # all modes under both forces, each taken linear between fine instants
+    pipeline = pipeline_of(run.scene, quiet)
+    model, contacts = pipeline("model"), pipeline("chain-contacts")
+    square, shapes = eigh(model.K.toarray(), model.M.toarray())
+    place = sensor_places(run.scene)[0]
+    sense = shapes.T @ functional(run.scene, model, bodies_of_faces(model), place)
+    omega, phi, zeta = np.sqrt(square), shapes.T @ contacts.w, 0.005
+    fine = np.linspace(0.0, a["t"][-1], 16 * 1600 + 1)
+    pushes = CubicSpline(a["t"], F[:, [3, 6]])(fine) @ phi.T
+    h, swing = fine[1], omega * np.sqrt(1 - zeta**2)
+    decay, c, s = np.exp(-zeta * omega * h), np.cos(swing * h), np.sin(swing * h)
+    q, p, shown = np.zeros(len(omega)), np.zeros(len(omega)), [0.0]
+    for f in 0.5 * (pushes[1:] + pushes[:-1]):
+        rest = f / square
+        x, y = q - rest, (p + zeta * omega * (q - rest)) / swing
+        q, p = (
+            rest + decay * (x * c + y * s),
+            decay * ((y * swing - zeta * omega * x) * c - (x * swing + zeta * omega * y) * s),
+        )
+        shown.append(float(sense @ q))
+    expected = np.interp(t, fine, shown)
+    np.testing.assert_allclose(moved, expected, atol=2e-3 * np.abs(expected).max())
+
+
 def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
     (tmp_path / "two.toml").write_text(
         'chains = [{ name = "only", on = "plate:+z", count = 2, radius = "6 mm", '
@@ -189,6 +241,8 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"chains": [TOP | {"on": "lid:+z"}]}, "lid"),
         ({"chains": [TOP | {"leaf_springs": {"stiffness": 1e3},
                             "striker": {"velocity": 0.1, "time": 1e-4}}]}, "drop its delay"),
+        ({"output": {"sensors": [{"sphere": 1}]}}, "chain is missing, allowed are top, end"),
+        ({"output": {"sensors": [{"sphere": 4, "chain": "end"}]}}, "1 to chains.end.count = 3"),
         ({"strike": {"on": "plate:+z"}}, r"\[strike\] is of one \[chain\]"),
         ({"output": {"spheres": [5]}}, "the longest of"),
         ({"assembly": {"parts": ["block"]}, "bodies": None}, "the thesis' rig"),

@@ -85,12 +85,12 @@ def run(
                     unrendered = (str(missing),)
             if scene.chain:
                 write_pictures(folder, pipeline("figures"))
-                if scene.output.sensors:
-                    write_pictures(folder, (pipeline("signals"),))
             if scene.crystal:
                 write_pictures(folder, pipeline("crystal-figures"))
             if scene.chains:
                 write_pictures(folder, pipeline("chains-figures"))
+            if scene.output and scene.output.sensors:
+                write_pictures(folder, (pipeline("signals"),))
 
             # once more, with pictures that are missing
             summary = summary_of(pipeline, unrendered, origin)
@@ -251,6 +251,8 @@ def summary_of(
                 for (name, numbers), error in zip(each.items(), of_reduction.of_chains, strict=True)
             }
         numbers |= chains.numbers | {"chains": each, "error_estimate": ErrorEstimate(**errors)}
+        if scene.output.sensors:
+            numbers["sensors"] = pipeline("sensor-numbers")
         sentences += chains.warnings
 
     # the assembly, or a wall from a file

@@ -71,6 +71,7 @@ def contradictions(scene: Scene) -> Iterator[str]:
     yield from too_large(scene)
     if scene.chain:
         yield from _of_chain(scene)
+    if scene.chain or scene.chains:
         yield from of_sensors(scene)
 
 

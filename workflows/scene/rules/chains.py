@@ -30,8 +30,6 @@ def of_chains(scene: Scene) -> Iterator[str]:
             "[bodies.NAME]."
         )
         return
-    if scene.output.sensors:
-        yield "output.sensors are of one [chain]; drop them, trajectory.npz has every sphere."
     if scene.mesh.error:
         yield "mesh.error is of one [chain]; give mesh.scale, or the sizes of elements."
 

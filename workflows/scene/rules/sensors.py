@@ -16,14 +16,26 @@ def of_sensors(scene: Scene) -> Iterator[str]:
     sensors, instrument = scene.output.sensors or (), scene.output.instrument
     if instrument and not sensors:
         yield "output.instrument records nothing; add output.sensors, or drop it."
+    count = {row.name: row.count for row in scene.chains or ()}
+    if scene.chain:
+        count = {None: scene.chain.count}
     labels, quantity_of = set(), {}
     for i, sensor in enumerate(sensors, start=1):
         key = f"output.sensors.{i}"
         yield from _of_place(scene, sensor, key)
-        if sensor.sphere is not None and sensor.sphere > scene.chain.count:
+        if sensor.chain is not None and (scene.chain or sensor.on is not None):
+            yield f"{key}.chain is of a sensor on a sphere of [[chains]]; drop it."
+        elif sensor.sphere is not None and sensor.chain not in count:
+            shown = "missing" if sensor.chain is None else f'"{sensor.chain}"'
             yield (
-                f"{key}.sphere = {sensor.sphere}, allowed are 1 to chain.count = "
-                f"{scene.chain.count}; change it or add spheres."
+                f"{key}.chain is {shown}, allowed are {', '.join(map(str, count))}; name the chain "
+                "whose sphere it is."
+            )
+        elif sensor.sphere is not None and sensor.sphere > count[sensor.chain]:
+            chain = "chain" if scene.chain else f"chains.{sensor.chain}"
+            yield (
+                f"{key}.sphere = {sensor.sphere}, allowed are 1 to {chain}.count = "
+                f"{count[sensor.chain]}; change it or add spheres."
             )
         if sensor.label in labels:
             yield f"{key} is a second sensor of {sensor.label}; drop it."
@@ -69,7 +81,8 @@ def _of_place(scene: Scene, sensor: SensorTable, key: str) -> Iterator[str]:
             if getattr(sensor, name) is not None:
                 yield f"{key}.{name} is of a sensor on a face; drop it, or name a face in {key}.on."
         return
-    if not isinstance(scene.wall, RomWall) or scene.wall.file is not None or scene.bending:
+    reduced = isinstance(scene.wall, RomWall) and scene.wall.file is None
+    if not (reduced or scene.chains) or scene.bending:
         yield (
             f'{key}.on = "{sensor.on}" is a face of an assembly, which this wall does not have; '
             'take wall.kind = "rom" with [assembly], or a sensor of a sphere.'

@@ -51,6 +51,7 @@ class SensorTable(SceneTable):
     """
 
     sphere: Count | None = None  # number of the sphere that carries the sensor
+    chain: str | None = None  # name of the one of [[chains]] whose sphere it is
     on: str | None = None  # or a face of the structure, "block:+y"
     at: Point | None = None  # [m] on that plane face, from its middle along the axes that span it
     radius: of(Positive, LENGTH) | None = None  # [m] of the disc whose mean it shows; 5 mm
@@ -86,7 +87,7 @@ class SensorTable(SceneTable):
     def label(self) -> str:
         """The quantity and its sphere, or its place on a face and its direction."""
         if self.on is None:
-            return f"{self.quantity} {self.sphere}"
+            return " ".join(map(str, filter(None, (self.quantity, self.chain, self.sphere))))
         axis = self.direction
         if not isinstance(axis, str):
             axis = "along " + " ".join(f"{x:g}" for x in axis or ())

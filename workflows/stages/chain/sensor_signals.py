@@ -1,7 +1,8 @@
 """Signals of the scene's sensors in a run, as its instrument records them."""
 
+from collections.abc import Sequence
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,18 +13,20 @@ from beadwave.dem.waves.chain_waves import ChainWaves
 from beadwave.workflows.files.record import SYNTHETIC, csv_of_signals
 from beadwave.workflows.report.summary import SensedArrival, SensorWaves
 from beadwave.workflows.scene import Instrument, Scene
+from beadwave.workflows.scene.places import sensor_places
 from beadwave.workflows.scene.tables.sensors import low_pass_of
 from beadwave.workflows.stages.chain.damping import damping
 
 if TYPE_CHECKING:
     from beadwave.coupling.structure_sensors import SensorSignals
+    from beadwave.dem.space import RowRun
     from beadwave.rom import ReducedModel
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
     """The scene's sensors; a sensor of unknown gain has 1 V per unit of its quantity, one on the
     structure without a low pass that of the reduced model's band."""
-    column = count()
+    column, chains = count(), [row.name for row in scene.chains or ()]
     return tuple(
         Sensor(
             None if sensor.sphere is None else sensor.sphere - 1,
@@ -33,6 +36,7 @@ def sensors(scene: Scene) -> tuple[Sensor, ...]:
             sensor.noise,
             sensor.range,
             next(column) if sensor.sphere is None else None,
+            0 if sensor.chain is None else chains.index(sensor.chain),
         )
         for sensor in scene.output.sensors or ()
     )
@@ -52,17 +56,42 @@ def record(
 
         run, law = impact.trajectory, damping(scene.damping, reduced)
         structure = sensed_in_run(reduced, run.t, run.contact_force[:, -1], damping=law)
+    return _recorded(scene, [(impact.trajectory, waves.tracks)], structure)
+
+
+def record_of_chains(
+    scene: Scene,
+    runs: Sequence["tuple[RowRun, ChainWaves]"],
+    reduced: "ReducedModel",
+) -> SensorRecord:
+    """`record` of several chains, whose forces drive the structure together."""
+    structure = None
+    if sensor_places(scene):
+        from beadwave.coupling.structure_sensors import sensed_in_run
+
+        contacts = np.column_stack([reduced.w, reduced.columns.load])
+        force = np.column_stack([run.contact_force[:, -1] for run, _ in runs])
+        structure = sensed_in_run(
+            reduced, runs[0][0].t, force, contacts=contacts, damping=damping(scene.damping, reduced)
+        )
+    return _recorded(scene, [(run, waves.tracks) for run, waves in runs], structure)
+
+
+def _recorded(
+    scene: Scene, runs: Sequence[tuple[Any, Any]], structure: "SensorSignals | None"
+) -> SensorRecord:
+    """Runs with their waves, as the scene's instrument records them."""
     instrument = scene.output.instrument or Instrument()
     settings = instrument.model_dump(include={"sampling", "bits", "seed"})
-    return sensor_record(
-        sensors(scene), impact.trajectory, waves.tracks, structure=structure, **settings
-    )
+    return sensor_record(sensors(scene), runs, structure=structure, **settings)
 
 
 def csv_text(scene: Scene, record: SensorRecord) -> str:
     """The record as CSV, time [s] and a column for each sensor, as `calibrate` reads it."""
     names = [
-        f"sphere {s.sphere} {s.quantity} [{s.unit}]" if s.on is None else f"{s.label} [{s.unit}]"
+        f"{f'{s.chain} ' if s.chain else ''}sphere {s.sphere} {s.quantity} [{s.unit}]"
+        if s.on is None
+        else f"{s.label} [{s.unit}]"
         for s in scene.output.sensors
     ]
     return csv_of_signals(SYNTHETIC, names, record.t, record.y)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +21,9 @@ from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.chain.chain import contact_radius
 from beadwave.workflows.stages.chain.several import ChainsStart
 from beadwave.workflows.stages.chain.waves import chain_contact, sphere_waves
+
+if TYPE_CHECKING:
+    from beadwave.coupling.sensors import SensorRecord  # scipy's filters, a second
 
 Runs = tuple[tuple[space.RowRun, ChainWaves], ...]
 
@@ -109,7 +113,16 @@ def chains_arrays(
 
 
 def chains_files(
-    scene: Scene, start: ChainsStart, structure: space.Structure, march: space.SpaceTrajectory
+    scene: Scene,
+    start: ChainsStart,
+    structure: space.Structure,
+    march: space.SpaceTrajectory,
+    record: SensorRecord | None = None,
 ) -> dict[str, bytes]:
-    """Content of trajectory.npz by name."""
-    return {"trajectory.npz": npz(chains_arrays(scene, start, structure, march))}
+    """Content of trajectory.npz, and of signals.csv where sensors record, by name."""
+    files = {"trajectory.npz": npz(chains_arrays(scene, start, structure, march))}
+    if record is not None:
+        from beadwave.workflows.stages.chain.sensor_signals import csv_text
+
+        files["signals.csv"] = csv_text(scene, record).encode()
+    return files

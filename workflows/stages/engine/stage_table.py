@@ -116,13 +116,13 @@ def strikes_measured_wall(scene: Scene) -> bool:
 
 
 def has_sensors(scene: Scene) -> bool:
-    """True of a chain with sensors on it, or on what it strikes."""
-    return bool(scene.chain and scene.output.sensors)
+    """True of chains with sensors on them, or on what they strike."""
+    return bool((scene.chain or scene.chains) and scene.output.sensors)
 
 
 def has_sensors_on_structure(scene: Scene) -> bool:
     """True of a chain with sensors on the structure that it strikes."""
-    return has_sensors(scene) and bool(sensor_places(scene))
+    return bool(scene.chain) and has_sensors(scene) and bool(sensor_places(scene))
 
 
 def rubs(scene: Scene) -> bool:
@@ -452,6 +452,11 @@ STAGES = (
     ),
     Stage("waves", ".chain.waves:waves", _observed, ("start", "impact")),
     Stage(
+        "record", ".chain.sensor_signals:record_of_chains", tables_of("output", "damping"),
+        ("chains-waves", "reduction"), when=lambda scene: has_chains(scene) and has_sensors(scene),
+        kept=False, listed=False,
+    ),
+    Stage(
         "record", ".structure.friction:record", tables_of("output", "shakers"),
         ("start", "spatial-wall", "march", "impact", "waves"),
         when=lambda scene: rubs_on_structure(scene) and has_sensors_on_structure(scene),
@@ -504,7 +509,7 @@ STAGES = (
     ),
     Stage(
         "chains-files", ".chain.several_numbers:chains_files", tables_of("output"),
-        ("chains", "structure", "chains-march"), when=has_chains, listed=False,
+        ("chains", "structure", "chains-march", "record"), when=has_chains, listed=False,
     ),
     Stage(
         "chains-figures", ".pages.figures:of_chains", _observed, ("chains-march", "chains-waves"),

@@ -50,6 +50,15 @@ def functional(
     return model.T.T @ (direction @ patch.mean)
 
 
+def bodies_of_faces(model: fem.Model) -> dict[str, str]:
+    """The body of each named face of the mesh."""
+    return {
+        face: body
+        for body, basis in model.structure.basis.items()
+        for face in basis.mesh.boundaries or {}
+    }
+
+
 def with_functionals(
     scene: Scene,
     model: fem.Model,
@@ -70,11 +79,7 @@ def with_functionals(
         return reduced
 
     # w of each: directions across the contact, then discs of shakers, then discs of sensors
-    bodies = {
-        face: body
-        for body, basis in model.structure.basis.items()
-        for face in basis.mesh.boundaries or {}
-    }
+    bodies = bodies_of_faces(model)
     on_faces = [functional(scene, model, bodies, place) for place in shakers + sensors]
     B = np.column_stack([*(patch.w for patch in across), *on_faces])
     reduced, columns = rom.with_columns(reduced, model.K, model.M, B, options=options, **solver)

@@ -11,9 +11,10 @@ from beadwave import fem, rom
 from beadwave.fem.assembly.trace import OffFace
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
-from beadwave.workflows.scene.places import chain_face
+from beadwave.workflows.scene.places import chain_face, sensor_places
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import solid
+from beadwave.workflows.stages.structure.functionals import bodies_of_faces, functional
 from beadwave.workflows.stages.structure.loss_factors import strain_of
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import names, targets_kept
@@ -66,16 +67,23 @@ def reduction(
     contacts: ChainContacts,
     factor: fem.Factor | None = None,
 ) -> rom.ReducedModel:
-    """The structure in as many modes as keep the response at every contact to the scene's error,
-    and between them; the first chain's contact is the model's own, the others are loads by the
-    chains' names. Raises rom.ReductionError."""
+    """The structure in as many modes as keep the response at every contact and sensor to the
+    scene's error, and between them; the first chain's contact is the model's own, the others are
+    loads by the chains' names. Raises InvalidScene for a sensor whose disc leaves its face,
+    rom.ReductionError."""
     struck = contacts.surface[0]._replace(
         half_space=float(contacts.half_space[0]),
         point=tuple(contacts.point[0].tolist()),
         direction=tuple(contacts.direction[0].tolist()),
     )
-    others = tuple(row.name for row in scene.chains[1:])
-    return reduced_to(scene, model, modes, contacts.w, others, struck, factor)
+    others, places = tuple(row.name for row in scene.chains[1:]), sensor_places(scene)
+    read = None
+    if places:
+        bodies = bodies_of_faces(model)
+        read = np.column_stack([functional(scene, model, bodies, place) for place in places])
+    reduced = reduced_to(scene, model, modes, contacts.w, others, struck, factor, read)
+    names = tuple(place.name for place in places)
+    return reduced._replace(columns=reduced.columns._replace(sense_names=names))
 
 
 def reduced_to(
@@ -86,15 +94,16 @@ def reduced_to(
     names_of_loads: tuple[str, ...],
     struck: rom.Contact,
     factor: fem.Factor | None,
+    read: NDArray[np.float64] | None = None,
 ) -> rom.ReducedModel:
     """The model in as many modes as keep the response at every contact of w (n, p) to the scene's
-    error, with the way back to the outer nodes, names and masses; `struck` is the first one, which
-    is the model's own. Raises rom.ReductionError."""
+    error, and at sensors that read (n, r), with the way back to the outer nodes, names and masses;
+    `struck` is the first contact, which is the model's own. Raises rom.ReductionError."""
     table = scene.reduction
     with fem.one_thread():
         reduced = rom.several_contacts(
             model.K, model.M, w, error=table.error, to_hz=table.to_hz or TO_HZ,
-            modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
+            read=read, modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
         )  # fmt: skip
     named = reduced.columns._replace(load_names=names_of_loads)
     struck = struck._replace(modes_hz=tuple(modes.paired_hz.values()) or None)
