@@ -69,5 +69,7 @@ def _of_pairs(pairs: EigenPairs, W: np.ndarray, p: int, to_hz: float) -> Reduced
     return ReducedModel(
         np.diag(omega**2), np.eye(len(omega)), None, columns[:, 0], T, "free-modes", 0, {},
         n_residual=static_shapes(omega, np.inf, to_hz),
-        columns=Columns(load=columns[:, 1:p], sense=columns[:, p:] if columns.shape[1] > p else None),
+        columns=Columns(
+            load=columns[:, 1:p], sense=columns[:, p:] if columns.shape[1] > p else None
+        ),
     )  # fmt: skip

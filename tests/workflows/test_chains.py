@@ -171,7 +171,7 @@ SENSED = [
 
 
 def test_sensors_show_the_chains_that_they_name_and_the_structure_under_both(tmp_path):
-    """Spheres as the trajectory has them; a face as all modes of the mesh move it under both contact
+    """Spheres as the trajectory has them; a face as all modes of the mesh move it under both
     forces, to 2e-3."""
     scene = PLATE | {"chains": [TOP, END]}
     scene["output"] = {**PLATE["output"], "sensors": SENSED, "samples": 1601}

@@ -133,7 +133,8 @@ EXAMPLES: dict[str, Any] = {
     "output.spheres": [1, 4, 14],
     "output.sensors.N.on": "block:+y", "output.sensors.N.at": ["10 mm", 0.0],
     "output.sensors.N.direction": "y", "output.sensors.N.radius": "5 mm",
-    "sphere": 4, "output.sensors.N.chain": "above", "gain": "4 mV/N", "low_pass": "100 kHz", "high_pass": "1 kHz", "range": 5.0,
+    "output.sensors.N.chain": "above",
+    "sphere": 4, "gain": "4 mV/N", "low_pass": "100 kHz", "high_pass": "1 kHz", "range": 5.0,
     "noise": 0.01, "bits": 12,
 }  # fmt: skip
 EITHER = {"assembly": (General, RigTable), "mesh": (Meshing, Mesh)}
