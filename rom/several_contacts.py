@@ -29,7 +29,6 @@ def several_contacts(
     *,
     error: float,
     to_hz: float,
-    read: ArrayLike | None = None,
     modes: tuple[np.ndarray, np.ndarray] | None = None,
     factorise: Factorise = superlu,
     factor: Solver | None = None,
@@ -37,19 +36,17 @@ def several_contacts(
     """The structure K [N/m], M [kg] (n, n) in as many free modes as keep the receptance at each
     contact of W (n, p) to the relative rms error up to to_hz [Hz], and between them.
 
-    The first contact is the model's w, the others are its columns `load`; functionals `read` (n, r)
-    in addition are kept alike, as columns `sense`. modes = (omega (k,)
+    The first contact is the model's w, the others are its columns `load`. modes = (omega (k,)
     [rad/s], phi (n, k)) are kept in any case. `finer` stands for the full structure, all its pairs
     as modes. Raises ReductionError.
     """
     K, M = symmetric(K, "K"), symmetric(M, "M")
     W = np.asarray(W, float)
-    p, W = W.shape[1], W if read is None else np.column_stack([W, read])
     problem = Pencil(K, M, factor) if factor else pencil(K, M, factorise)
     supplied = None if modes is None else known_modes(problem, *modes)
     retained, options = retained_modes(problem, supplied), KrylovOptions()
     space = krylov_space(problem, W, retained, error, to_hz)
-    reduced = _of_pairs(space.pairs, W, p, to_hz)._replace(error=space.bound)
+    reduced = _of_pairs(space.pairs, W, to_hz)._replace(error=space.bound)
     n_vectors = len(space.pairs.omega) + options.extra
     full = krylov_space(problem, W, retained, options.exact, to_hz, n_vectors)
 
@@ -57,19 +54,17 @@ def several_contacts(
     rigid = rigid_modes(problem, retained)
     for w in W.T:
         require_static_response(reduced._replace(w=reduced.T.T @ w), K, M, w, rigid)
-    finer = _of_pairs(full.pairs, W, p, to_hz)._replace(T=None, n_residual=0)
+    finer = _of_pairs(full.pairs, W, to_hz)._replace(T=None, n_residual=0)
     return reduced._replace(finer=finer)
 
 
-def _of_pairs(pairs: EigenPairs, W: np.ndarray, p: int, to_hz: float) -> ReducedModel:
-    """The model of mass-normalised pairs, ordered by frequency; the first p of W are contacts."""
+def _of_pairs(pairs: EigenPairs, W: np.ndarray, to_hz: float) -> ReducedModel:
+    """The model of mass-normalised pairs, ordered by frequency."""
     order = np.argsort(pairs.omega)
     omega, T = pairs.omega[order], np.ascontiguousarray(pairs.phi[:, order])
     columns = T.T @ W
     return ReducedModel(
         np.diag(omega**2), np.eye(len(omega)), None, columns[:, 0], T, "free-modes", 0, {},
         n_residual=static_shapes(omega, np.inf, to_hz),
-        columns=Columns(
-            load=columns[:, 1:p], sense=columns[:, p:] if columns.shape[1] > p else None
-        ),
+        columns=Columns(load=columns[:, 1:]),
     )  # fmt: skip

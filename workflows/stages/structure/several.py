@@ -77,13 +77,18 @@ def reduction(
         direction=tuple(contacts.direction[0].tolist()),
     )
     others, places = tuple(row.name for row in scene.chains[1:]), sensor_places(scene)
-    read = None
-    if places:
-        bodies = bodies_of_faces(model)
-        read = np.column_stack([functional(scene, model, bodies, place) for place in places])
-    reduced = reduced_to(scene, model, modes, contacts.w, others, struck, factor, read)
+    bodies = bodies_of_faces(model)
+    sensed = [functional(scene, model, bodies, place) for place in places]
+    w = np.column_stack([contacts.w, *sensed])
+    reduced = reduced_to(scene, model, modes, w, others, struck, factor)
+    if not places:
+        return reduced
+    load, sense = np.split(reduced.columns.load, [len(others)], axis=1)
     names = tuple(place.name for place in places)
-    return reduced._replace(columns=reduced.columns._replace(sense_names=names))
+    columns = reduced.columns._replace(load=load, sense=sense, sense_names=names)
+    load, sense = np.split(reduced.finer.columns.load, [len(others)], axis=1)
+    finer = reduced.finer._replace(columns=rom.Columns(load=load, sense=sense))
+    return reduced._replace(columns=columns, finer=finer)
 
 
 def reduced_to(
@@ -94,16 +99,15 @@ def reduced_to(
     names_of_loads: tuple[str, ...],
     struck: rom.Contact,
     factor: fem.Factor | None,
-    read: NDArray[np.float64] | None = None,
 ) -> rom.ReducedModel:
     """The model in as many modes as keep the response at every contact of w (n, p) to the scene's
-    error, and at sensors that read (n, r), with the way back to the outer nodes, names and masses;
-    `struck` is the first contact, which is the model's own. Raises rom.ReductionError."""
+    error, with the way back to the outer nodes, names and masses; `struck` is the first one, which
+    is the model's own. Raises rom.ReductionError."""
     table = scene.reduction
     with fem.one_thread():
         reduced = rom.several_contacts(
             model.K, model.M, w, error=table.error, to_hz=table.to_hz or TO_HZ,
-            read=read, modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
+            modes=targets_kept(modes), factor=factor, factorise=fem.factorised,
         )  # fmt: skip
     named = reduced.columns._replace(load_names=names_of_loads)
     struck = struck._replace(modes_hz=tuple(modes.paired_hz.values()) or None)
