@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, kron
+from scipy.sparse import csr_matrix, diags_array, kron, vstack
 
 from beadwave.fem.assembly.elasticity import Structure
 from beadwave.fem.assembly.trace import face_mean
@@ -35,15 +35,21 @@ class RodForces(NamedTuple):
 
     f: NDArray[np.float64]  # (ndof,) [N]
     K_G: csr_matrix  # (ndof, ndof) [N/m]
-    K: csr_matrix  # (ndof, ndof) [N/m]
+    elongation: csr_matrix  # (rods, ndof) of each, t . B
+    stiffness: NDArray[np.float64]  # (rods,) [N/m]
+
+    @property
+    def K(self) -> csr_matrix:  # noqa: N802  the name of the field
+        """(ndof, ndof) [N/m] of the rods once they are locked."""
+        return csr_matrix(self.elongation.T @ diags_array(self.stiffness) @ self.elongation)
 
 
 def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 600) -> RodForces:
-    """Forces f (ndof,) [N], K_G and K (ndof, ndof) [N/m] of all rods. Raises ValueError for faces
+    """Forces, K_G and K of all rods. Raises ValueError for faces
     without a distance, and for more than `most_nodes` nodes on a face: a rod couples all nodes of
     both, 9 (2 n)^2 entries."""
     n = structure.n_dofs
-    f, K_G, K = np.zeros(n), csr_matrix((n, n)), csr_matrix((n, n))
+    f, K_G, elongations = np.zeros(n), csr_matrix((n, n)), [csr_matrix((0, n))]
     for rod in rods:
         # C_i (3, ndof), the means of both faces, and c between their centres
         C, centres = [], []
@@ -65,11 +71,12 @@ def tightened(structure: Structure, rods: Sequence[Rod], *, most_nodes: int = 60
                 "between them has no length; name the faces under its head and under its nut."
             )
 
-        # tension along t, its turning across t, and the rod's own stiffness along t
+        # tension along t, its turning across t, and the rod's own elongation along t
         L = np.linalg.norm(c)
         t = c / L
-        along = np.outer(t, t)
+        across = np.eye(3) - np.outer(t, t)
         f -= rod.tension * (B.T @ t)
-        K_G = K_G + rod.tension / L * (B.T @ csr_matrix(np.eye(3) - along) @ B)
-        K = K + rod.stiffness * (B.T @ csr_matrix(along) @ B)
-    return RodForces(f, K_G, K)
+        K_G = K_G + rod.tension / L * (B.T @ csr_matrix(across) @ B)
+        elongations.append(csr_matrix(csr_matrix(t) @ B))
+    stiffness = np.array([rod.stiffness for rod in rods])
+    return RodForces(f, K_G, vstack(elongations).tocsr(), stiffness)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from beadwave.fem.assembly.elasticity import Structure
-from beadwave.fem.assembly.trace import face_mean, trace
+from beadwave.fem.assembly.trace import face_mean, interpolation, local_coordinates
 
 # triangle rule of degree 4 (Dunavant, Int. J. Numer. Methods Eng. 21 (1985) 1129): barycentric
 # coordinates and shares of the area
@@ -27,6 +27,7 @@ _A, _B = 0.445948490915965, 0.091576213509771
 TRIANGLE = np.array([np.roll([1 - 2 * x, x, x], k) for x in (_A, _B) for k in range(3)])  # (6, 3)
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 SMALLEST = 1e-8  # of a facet's area: smaller common parts are rounding
+ROUNDING = 1e-9  # [m] of the places of faces
 
 
 class FacingFacets(NamedTuple):
@@ -59,37 +60,53 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
     t1 /= np.linalg.norm(t1)
     axes = np.array([n, t1, np.cross(n, t1)])
 
-    # polygons of both faces in the plane (k, 3 or 4, 2), counted around
-    polygons = []
-    for face in (first, second):
-        body, facets = structure.facets(face)
-        mesh = structure.basis[body].mesh
-        polygons.append(mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0) @ axes[1:].T)
-    mine, other = (_counted_around(p) for p in polygons)
+    # the gap is that of the planes
+    opposite = face_mean(structure, second)
+    away = (opposite.centre - mean.centre) @ n
+    if opposite.normal @ n > 1e-6 - 1 or abs(away) > gap + ROUNDING:
+        raise ValueError(
+            f"the face {second!r} does not lie on {first!r} all over; contact under preload takes "
+            "planes that do."
+        )
+
+    # facets of both faces as polygons in the plane (k, 3 or 4, 2), counted around
+    bodies, numbers = zip(*(structure.facets(face) for face in (first, second)), strict=True)
+    meshes = [structure.basis[body].mesh for body in bodies]
+    mine, other = (
+        _counted_around(mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0) @ axes[1:].T)
+        for mesh, facets in zip(meshes, numbers, strict=True)
+    )
 
     # common parts, of pairs whose boxes meet
     low, high = other.min(axis=1), other.max(axis=1)
-    owner, x, w = [], [], []
-    whole = _areas(mine)
-    for i, polygon in enumerate(mine):
-        meet = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
-        for j in np.flatnonzero(meet):
-            part = clipped(polygon, other[j])
-            if len(part) < 3:
-                continue
-            fan = np.stack([np.repeat(part[:1], len(part) - 2, 0), part[1:-1], part[2:]], axis=1)
-            areas = _areas(fan)
-            if areas.sum() > SMALLEST * whole[i]:
-                x.append((TRIANGLE @ fan).reshape(-1, 2))
-                w.append(np.outer(areas, SHARES).ravel())
-                owner.append(np.full(len(w[-1]), i))
-    if not owner:
+    meet = [np.all((low < p.max(axis=0)) & (high > p.min(axis=0)), axis=1) for p in mine]
+    pair = np.argwhere(meet)
+    parts = clipped(mine[pair[:, 0]], other[pair[:, 1]])
+    fans = np.stack(
+        [np.broadcast_to(parts[:, :1], parts[:, 2:].shape), parts[:, 1:-1], parts[:, 2:]], axis=2
+    )  # (pairs, triangles, 3, 2)
+    areas, whole = _areas(fans), _areas(mine)
+    n_triangles = areas.shape[1]
+    areas[areas.sum(axis=1) <= SMALLEST * whole[pair[:, 0]]] = 0.0
+    kept = np.flatnonzero(areas)
+    if not len(kept):
         raise ValueError(f"the faces {first!r} and {second!r} have nothing in common.")
-    owner, x, w = np.concatenate(owner), np.concatenate(x), np.concatenate(w)
+    x = (TRIANGLE @ fans.reshape(-1, 3, 2)[kept]).reshape(-1, 2)
+    w = np.outer(areas.ravel()[kept], SHARES).ravel()
+    owner, facing = np.repeat(pair[kept // n_triangles], len(SHARES), axis=0).T
 
-    # mean openings of the facets that have a part in common
-    points = x @ axes[1:] + (mean.centre @ n) * n
-    P = [trace(structure, face, points, gap=gap + 1e-9) for face in (first, second)]
+    # mean openings of the facets that have a part in common, each face at its own plane
+    P = []
+    for body, mesh, facets, height in zip(
+        bodies, meshes, (numbers[0][owner], numbers[1][facing]), (0.0, away), strict=True
+    ):
+        points = x @ axes[1:] + (mean.centre @ n + height) * n
+        cells = mesh.f2t[0, facets]
+        basis = structure.basis[body]
+        X = local_coordinates(basis.mapping, points.T[:, :, None], cells)
+        at = interpolation(basis, X[:, :, 0], cells)
+        shape = at.shape[0], structure.n_dofs
+        P.append(csr_matrix((at.data, at.indices + structure.first[body], at.indptr), shape))
     used, row = np.unique(owner, return_inverse=True)
     area = np.bincount(row, w)
     shape = (len(used), len(w))
@@ -106,29 +123,34 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
     u_n = sum(n[k] * P[0][k::3] for k in range(3))
     S = vstack([csr_matrix((q, (row, np.arange(len(w)))), shape) @ u_n for q in weights.T]).tocsr()
 
-    # the gap is that of the planes
-    away = (face_mean(structure, second).centre - mean.centre) @ n
-    return FacingFacets(average @ points, area, whole[used], np.full(len(used), away), C, S, axes)
+    middles = average @ (x @ axes[1:]) + (mean.centre @ n) * n
+    return FacingFacets(middles, area, whole[used], np.full(len(used), away), C, S, axes)
 
 
-def clipped(subject: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The part (k, 2) of a convex polygon within another one, both counted the same way around:
-    Sutherland and Hodgman, Commun. ACM 17 (1974) 32."""
-    part = subject
-    for a, b in zip(by, np.roll(by, -1, axis=0), strict=True):
-        if not len(part):
-            break
-        edge = b - a
-        side = edge[0] * (part[:, 1] - a[1]) - edge[1] * (part[:, 0] - a[0])
-        following, next_side = np.roll(part, -1, axis=0), np.roll(side, -1)
-        kept = []
-        for p, q, s, t in zip(part, following, side, next_side, strict=True):
-            if s >= 0:
-                kept.append(p)
-            if s * t < 0:
-                kept.append(p + s / (s - t) * (q - p))
-        part = np.array(kept)
-    return part
+def clipped(subjects: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The parts (n, k + l, 2) of convex polygons (n, k, 2) within others (n, l, 2), all counted
+    anticlockwise: Sutherland and Hodgman, Commun. ACM 17 (1974) 32. A part repeats its last corner;
+    an empty one is a single point."""
+    parts = subjects
+    for a, b in zip(np.moveaxis(by, 1, 0), np.moveaxis(np.roll(by, -1, 1), 1, 0), strict=True):
+        edge, off = (b - a)[:, None], parts - a[:, None]
+        side = edge[..., 0] * off[..., 1] - edge[..., 1] * off[..., 0]
+        following, next_side = np.roll(parts, -1, axis=1), np.roll(side, -1, axis=1)
+        crosses = side * next_side < 0
+        share = side / np.where(crosses, side - next_side, 1.0)
+        crossing = parts + share[..., None] * (following - parts)
+
+        # corners inside, each with the crossing behind it, and the last one over again
+        n, k = side.shape
+        corners = np.stack([parts, crossing], axis=2).reshape(n, 2 * k, 2)
+        kept = np.stack([side >= 0, crosses], axis=2).reshape(n, 2 * k)
+        order = np.argsort(~kept, axis=1, kind="stable")[:, : k + 1]
+        last = np.maximum(kept.sum(axis=1) - 1, 0)
+        order = np.where(
+            np.arange(k + 1) <= last[:, None], order, np.take_along_axis(order, last[:, None], 1)
+        )
+        parts = np.take_along_axis(corners, order[..., None], axis=1)
+    return parts
 
 
 def _counted_around(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -143,6 +165,6 @@ def _areas(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _signed_areas(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k,) of polygons (k, n, 2), positive anticlockwise."""
+    """(...,) of polygons (..., n, 2), positive anticlockwise."""
     x, y = polygons[..., 0], polygons[..., 1]
-    return (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1) / 2
+    return (x * np.roll(y, -1, axis=-1) - y * np.roll(x, -1, axis=-1)).sum(axis=-1) / 2

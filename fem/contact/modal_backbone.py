@@ -30,11 +30,7 @@ from beadwave.fem.contact.preloaded_contact import (
     OPEN,
     STUCK,
     PreloadedContact,
-    compliance,
 )
-from beadwave.fem.contact.pressed_model import SHIFT
-from beadwave.fem.modes.modes import held
-from beadwave.fem.modes.solver.factorisation import factorised
 
 MAX_STEPS = 40  # of Newton's method in a load step, which took 2 to 8
 CONVERGED = 1e-9  # of the forces, over the largest
@@ -45,6 +41,7 @@ CLOSED = 1e-3  # difference of a loop's ends over its width, up to which it is c
 MAX_LOOPS = 4  # at one load; the first ones wear off what the preload left
 NEGLIGIBLE_LOSS = 1e-6  # of a smaller loss factor the error is that of this one
 N_AMPLITUDES, LOWEST = 20, 1e-2  # loads, and the least over that which whole bolts would slip at
+RESOLVED = 9  # facets that slip, from which on they sample a slip zone
 
 
 class NoEquilibrium(ValueError):
@@ -314,8 +311,8 @@ class ModalBackbone(NamedTuple):
     loss_factor: NDArray[np.float64]  # (k,)
     dissipated: NDArray[np.float64]  # (k,) [J] in a cycle
     slip_share: NDArray[np.float64]  # (k,) area that slips over the closed one
-    # (k,) relative, of frequency or loss factor, by half as many load steps: the larger one
-    error: NDArray[np.float64]
+    error: NDArray[np.float64]  # (k,) relative, of frequency or loss factor: the larger one
+    loss_deviation: NDArray[np.float64]  # (k,) of the loss factor
     first_slip: NDArray[np.float64]  # (m,) [m] displacement from which on a facet slips; nan: never
     slips_whole: bool  # the faces carry no more than the last amplitude
 
@@ -329,10 +326,12 @@ def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
     C = csr_matrix(contact.facets.C @ model.T)
     C = csr_matrix(vstack([C[:m], C[m + stuck], C[2 * m + stuck]]))
 
-    factor = held(model.K, model.M) or factorised((model.K + SHIFT * model.M).tocsc())
+    # the geometric stiffness is left out of W, as it changes frequencies by parts in a thousand
+    rows = np.concatenate([np.arange(m), m + stuck, 2 * m + stuck])
+    W = contact.interface.openings(contact.layers, contact.interface.W[:, rows])[rows]
     k = area / (1 / contact.hard + contact.rough)
     interface = FrictionInterface(
-        W=compliance(C, factor),
+        W=(W + W.T) / 2,
         stuck=stuck,
         closed=contact.state != OPEN,
         normal=k,
@@ -375,22 +374,46 @@ def modal_backbone(
     except NoEquilibrium:
         slips_whole = True
 
-    numbers = [
-        np.array([(loop.frequency, 2 * loop.damping_ratio) for loop in some]).reshape(-1, 2)
-        for some in (fine, coarse)
-    ]
-    error = np.abs(numbers[1] - numbers[0]) / np.maximum(numbers[0], NEGLIGIBLE_LOSS)
+    hz, loss = np.array([(b.frequency, 2 * b.damping_ratio) for b in fine]).reshape(-1, 2).T
+    by_half = np.array([(b.frequency, 2 * b.damping_ratio) for b in coarse]).reshape(-1, 2).T
     closed = area[interface.closed].sum()
     displacement = np.array([largest * loop.amplitude for loop in fine])
+    slipping = [area[interface.stuck[loop.slipped]] for loop in fine]
+    n_facets = np.array([a.sum() ** 2 / max(a @ a, 1e-300) for a in slipping])
+    deviation = np.hypot(by_half[1] - loss, facet_deviation(displacement, loss, n_facets))
     first_slip = np.full(interface.m, np.nan)
     for loop, at in zip(fine[::-1], displacement[::-1], strict=True):
         first_slip[interface.stuck[loop.slipped]] = at
     return ModalBackbone(
         displacement,
-        *numbers[0].T,
+        hz,
+        loss,
         np.array([max(loop.dissipated, 0.0) for loop in fine]),
-        np.array([area[interface.stuck[loop.slipped]].sum() / closed for loop in fine]),
-        error.max(axis=1),
+        np.array([a.sum() / closed for a in slipping]),
+        np.maximum(np.abs(by_half[0] / hz - 1), deviation / np.maximum(loss, NEGLIGIBLE_LOSS)),
+        deviation,
         first_slip,
         slips_whole,
     )
+
+
+def facet_deviation(
+    displacement: NDArray[np.float64],
+    loss_factor: NDArray[np.float64],
+    n_facets: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Standard deviation (k,) of loss factors at amplitudes (k,) [m] that rise, as n_facets (k,) of
+    like size that slip sample the slip zone: 1 / sqrt(n) of it.
+
+    Where fewer than RESOLVED slip, the distance from a loss factor in proportion to the amplitude,
+    through the first point with as many, comes to that: partial slip loses with the cube of the
+    force (R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20 (1953) 327). Two meshes of bolted plates
+    differ by 0.4 of it in the mean, by 1.4 at most.
+    """
+    if not len(displacement):
+        return np.zeros(0)
+    resolved = np.append(np.flatnonzero(n_facets >= RESOLVED), len(n_facets) - 1)[0]
+    by_law = loss_factor[resolved] * displacement / displacement[resolved]
+    sampled = loss_factor / np.sqrt(np.maximum(n_facets, 1.0))
+    few = np.arange(len(n_facets)) < resolved
+    return sampled + np.where(few, np.abs(by_law - loss_factor), 0.0)

@@ -5,32 +5,55 @@ by g_f >= 0. Each has a thin layer of stiffness k_f per area, P_f = A_f p_f:
 
     K u = F + C^T P,    P_f = max(0, -k_f A_f g_f),    g = g_0 + C u.
 
-The interface is condensed once on a reference in which all facets are closed,
+The interface is condensed once on a reference in which all facets are closed and stick,
 K_r = K + C^T k A C, which is regular even where contact alone holds a body:
 
-    g - g_0 = C u = c + W (P + k A (g - g_0)),    W = C K_r^-1 C^T,  c = C K_r^-1 F,
+    d = C u = C K_r^-1 F + W (what the forces of the faces are beyond - k A d),   W = C K_r^-1 C^T,
 
-a system of as many unknowns as facets, of which the closed ones are found by the semi-smooth Newton
-method, which for this law is an active set (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13
-(2003) 865). Other preloads, gaps and friction cost no further solution with K_r.
+C the openings along the normal and across, and the elongations of the bolts. Layers of other
+stiffness, K_r + C^T D C, change W and d by as many unknowns as layers (Woodbury):
+
+    d' = d - W_:R D_R (1 + W_RR D_R)^-1 d_R.
+
+So the zone is a system of as many unknowns as facets, of which the closed ones are found by the
+semi-smooth Newton method, which for this law is an active set (Hintermueller, Ito and Kunisch, SIAM
+J. Optim. 13 (2003) 865). Other preloads, gaps, friction and roughness factorise nothing.
 With gaps of 0 the zone does not depend on the preload.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csr_matrix, diags_array, vstack
 from scipy.spatial import cKDTree
 
 from beadwave.fem.contact.facing_facets import FacingFacets
-from beadwave.fem.modes.solver.factorisation import Factor, factorised
+from beadwave.fem.modes.solver.factorisation import Factor, condensed_on
 
 MAX_STEPS = 60  # of Newton's method, which took 4 to 12
 OPEN, SLIDING, STUCK = 0, 1, 2
 NEIGHBOURS = 5  # of a facet by the distance of their middles, itself included
 MINDLIN = 14 / 17  # stiffness along over that across, 2 (1 - nu) / (2 - nu) of nu = 0.3
+# of a layer's stiffness across that is left while the zone is found without friction, so that a
+# body which contact alone holds has one: of 300 E / h it is 3e-6 of the elements' stiffness
+LEFT_ACROSS = 1e-8
+
+
+class Interface(NamedTuple):
+    """An interface condensed on the reference: rows are the normals of m facets, their first and
+    second tangents, and b bolts."""
+
+    layers: NDArray[np.float64]  # (r,) [N/m] of the reference; 0 of bolts
+    W: NDArray[np.float64]  # (r, r) [m/N]
+
+    def openings(self, layers: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Openings (r,) or (r, k) [m] with other layers (r,) [N/m] under the forces that cause d in
+        the reference; W for d is the compliance with them."""
+        change = layers - self.layers
+        rows = np.flatnonzero(change)
+        own = np.eye(len(rows)) + self.W[np.ix_(rows, rows)] * change[rows]
+        return d - (self.W[:, rows] * change[rows]) @ np.linalg.solve(own, d[rows])
 
 
 class PreloadedContact(NamedTuple):
@@ -46,6 +69,8 @@ class PreloadedContact(NamedTuple):
     bolts: NDArray[np.float64]  # (m,) [Pa/m] by which bolts resist the sliding of a facet
     friction: NDArray[np.float64]  # (m,)
     shear: NDArray[np.float64]  # (2, m) [N] that STUCK facets carry, against their opening
+    interface: Interface
+    locked: NDArray[np.float64]  # (b,) [N/m] of bolts about the state
     n_steps: int
 
     @property
@@ -64,15 +89,27 @@ class PreloadedContact(NamedTuple):
         """[m^2] of the closed facets."""
         return float(self.facets.area[self.state != OPEN].sum())
 
+    @property
+    def layers(self) -> NDArray[np.float64]:
+        """Stiffnesses (3 m + b,) [N/m] of the interface about this state: along the normal of
+        closed facets, and across them that of the layers where they stick and of the bolts where
+        they slide."""
+        area, on = self.facets.area, self.state != OPEN
+        k = np.where(on, area / (1 / self.hard + self.rough), 0.0)
+        across = np.where(self.state == STUCK, MINDLIN * k, np.where(on, area * self.bolts, 0.0))
+        return np.concatenate([k, across, across, self.locked])
+
 
 class CondensedContact(NamedTuple):
-    """An interface condensed on the reference in which all of it is closed."""
+    """Facets with their interface condensed on the reference in which all of it is closed."""
 
     facets: FacingFacets
     stiffness: NDArray[np.float64]  # (m,) [Pa/m] k of the layers
-    C: csr_matrix  # (3 m, n) openings of the free dofs, as those of the facets
-    W: NDArray[np.float64]  # (m, m) [m/N]
+    C: csr_matrix  # (3 m + b, n) openings of the free dofs, and elongations of bolts
+    interface: Interface
     factor: Factor  # of K_r
+    # (r, m) [m/N] openings by forces on the normals, without friction
+    sliding: NDArray[np.float64]
 
 
 def condensed(
@@ -82,28 +119,29 @@ def condensed(
     facets: FacingFacets,
     stiffness: NDArray[np.float64],
     *,
+    bolts: csr_matrix | None = None,
     shift: float = 0.0,
 ) -> CondensedContact:
-    """The interface of a model with K, M (n, n) and T (ndof, n) in which it is open, condensed.
+    """The interface of a model with K, M (n, n) and T (ndof, n) in which it is open, condensed;
+    `bolts` (b, ndof) are their elongations.
 
     A structure that floats takes a `shift` > 0 [rad^2/s^2], K + shift M, whose share in the
     displacements under forces in balance is shift / omega^2 of the lowest elastic mode.
     """
-    C, m = csr_matrix(facets.C @ T), len(facets.area)
-    C_n = C[:m]
-    K_r = K + C_n.T @ diags_array(stiffness * facets.area) @ C_n + shift * M
-    factor = factorised(K_r.tocsc())
-    return CondensedContact(facets, stiffness, C, compliance(C_n, factor), factor)
+    rows = facets.C if bolts is None else vstack([facets.C, bolts])
+    C, kA = csr_matrix(rows @ T), stiffness * facets.area
+    none = np.zeros(C.shape[0] - 3 * len(kA))
+    layers = np.concatenate([kA, MINDLIN * kA, MINDLIN * kA, none])
+    K_r = (K + C.T @ diags_array(layers) @ C + shift * M).tocsc()
+    factor, W = condensed_on(K_r, C)
+    interface, m = Interface(layers, W), len(kA)
+    sliding = interface.openings(_without_friction(layers, m), W[:, :m])
+    return CondensedContact(facets, stiffness, C, interface, factor, sliding)
 
 
-def compliance(C: csr_matrix, factor: Factor, *, at_once: int = 64) -> NDArray[np.float64]:
-    """W = C K^-1 C^T (r, r) [m/N] of openings C (r, n), with the factor of K, by `at_once`
-    right-hand sides in one solution."""
-    W = np.empty((C.shape[0],) * 2)
-    for first in range(0, len(W), at_once):
-        block = slice(first, first + at_once)
-        W[:, block] = C @ factor.solve(C[block].T.toarray())
-    return (W + W.T) / 2
+def _without_friction(layers: NDArray[np.float64], m: int) -> NDArray[np.float64]:
+    """Layers (r,) of the reference with what is left of those across."""
+    return np.where((np.arange(len(layers)) >= m), LEFT_ACROSS, 1.0) * layers
 
 
 def preloaded_contact(
@@ -114,10 +152,13 @@ def preloaded_contact(
     Raises ValueError where no state was found, as for forces that open all of the contact of a body
     that nothing else holds.
     """
-    facets, W = contact.facets, contact.W
-    m, kA = len(facets.area), contact.stiffness * contact.facets.area
+    facets, m = contact.facets, len(contact.facets.area)
+    layers, W = contact.interface.layers, contact.sliding[:m]
+    kA = layers[:m]
     g_0 = facets.gap if gap is None else gap
-    c = contact.C[:m] @ contact.factor.solve(F)
+    free = _without_friction(layers, m)
+    by_load = contact.interface.openings(free, contact.C @ contact.factor.solve(F))
+    c = by_load[:m]
 
     closed, seen = np.ones(m, bool), set()
     for step in range(1, MAX_STEPS + 1):  # noqa: B007  the number of steps is a result
@@ -140,48 +181,68 @@ def preloaded_contact(
     if not closed.any():
         raise ValueError("the forces open all of the contact; preload it more, or hold the bodies.")
     P = np.where(closed, -kA * (g_0 + d), 0.0)
-    u = contact.factor.solve(F + contact.C[:m].T @ (P + kA * d))
-    state = np.where(closed, STUCK, OPEN)
-    hard, zero = contact.stiffness, np.zeros(m)
+    beyond = (layers - free) * (by_load + contact.sliding @ (P + kA * d))
+    beyond[:m] = P + kA * d
+    u = contact.factor.solve(F + contact.C.T @ beyond)
+    zero = np.zeros(m)
     return PreloadedContact(
-        facets, P / facets.area, g_0 + d, state, u, hard, zero, zero, zero, np.zeros((2, m)), step
+        facets=facets,
+        pressure=P / facets.area,
+        gap=g_0 + d,
+        state=np.where(closed, STUCK, OPEN),
+        u=u,
+        hard=contact.stiffness,
+        rough=zero,
+        bolts=zero,
+        friction=zero,
+        shear=np.zeros((2, m)),
+        interface=contact.interface,
+        locked=np.zeros(len(layers) - 3 * m),
+        n_steps=step,
     )
 
 
 def joined_stiffness(C: csr_matrix, contact: PreloadedContact) -> csr_matrix:
-    """Stiffness (n, n) that closed facets add to K: along the normal, and across it that of the
-    layers where they stick and of the bolts where they slide; C (3 m, n) are openings of the free
-    dofs."""
-    area, on = contact.facets.area, contact.state != OPEN
-    k = np.where(on, area / (1 / contact.hard + contact.rough), 0.0)
-    across = np.where(contact.state == STUCK, MINDLIN * k, np.where(on, area * contact.bolts, 0.0))
-    return csr_matrix(C.T @ diags_array(np.concatenate([k, across, across])) @ C)
+    """Stiffness (n, n) that closed facets add to K; C (3 m, n) are openings of the free dofs."""
+    return csr_matrix(C.T @ diags_array(contact.layers[: C.shape[0]]) @ C)
 
 
 def with_friction(
     contact: CondensedContact,
     state: PreloadedContact,
-    joined: Callable[[PreloadedContact], Factor],
     F: NDArray[np.float64],
     friction: NDArray[np.float64],
 ) -> PreloadedContact:
     """The state with SLIDING facets: those whose shear under F, as if all stuck while it grew, is
-    beyond friction (m,) times pressure; what slides has no stiffness along the faces any more.
+    beyond friction (m,) times pressure; what slides has the stiffness of the bolts along the faces
+    alone."""
+    interface, m = contact.interface, len(contact.facets.area)
+    closed, r = np.flatnonzero(state.state != OPEN), len(interface.layers)
+    across = np.concatenate([m + closed, 2 * m + closed])
 
-    `joined` factorises K with the stiffness of a state.
-    """
-    m, k = len(contact.facets.area), MINDLIN * contact.stiffness
-    slides, stress = (friction == 0) & (state.state == STUCK), np.zeros((2, m))
+    # the closed facets, with the others open
+    on = np.tile(state.state != OPEN, 3)
+    layers = interface.layers * np.append(on, np.ones(r - 3 * m))
+    c = contact.C @ contact.factor.solve(F)
+    both = interface.openings(layers, np.column_stack([c, interface.W[:, across]]))[across]
+    c, stuck = both[:, 0], Interface(layers[across], both[:, 1:])
+
+    bolts = (contact.facets.area * state.bolts)[closed]
+    left = np.tile(np.maximum(bolts, LEFT_ACROSS * stuck.layers[: len(closed)]), 2)
+    limit = (friction * state.pressure * contact.facets.area)[closed]
+    slides = limit == 0
+    shear = np.zeros((2, len(closed)))
     for _ in range(MAX_STEPS):
-        state = state._replace(state=np.where(slides, SLIDING, state.state))
-        if not (state.state == STUCK).any():
+        d = stuck.openings(np.where(np.tile(slides, 2), left, stuck.layers), c)
+        shear = np.where(slides, 0.0, -(stuck.layers * d).reshape(2, -1))
+        begins = np.hypot(*shear) > limit
+        if not begins.any():
             break
-        stress = -k * (contact.C[m:] @ joined(state).solve(F)).reshape(2, m)
-        slides = (state.state == STUCK) & (np.hypot(*stress) > friction * state.pressure)
-        if not slides.any():
-            break
-    shear = np.where(state.state == STUCK, stress, 0.0) * contact.facets.area
-    return state._replace(friction=friction, shear=shear)
+        slides |= begins
+    states, shears = state.state.copy(), np.zeros((2, m))
+    states[closed] = np.where(slides, SLIDING, STUCK)
+    shears[:, closed] = shear
+    return state._replace(state=states, friction=friction, shear=shears)
 
 
 def rim(contact: PreloadedContact) -> NDArray[np.bool_]:

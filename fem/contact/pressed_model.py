@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, vstack
+from scipy.sparse.linalg import lsqr
 
 from beadwave.fem.assembly.constraints import congruent
 from beadwave.fem.assembly.joints import Tie
@@ -30,8 +31,7 @@ from beadwave.fem.contact.preloaded_contact import (
     preloaded_contact,
     with_friction,
 )
-from beadwave.fem.modes.solver.factorisation import Factor, factorised
-from beadwave.fem.modes.solver.multifrontal import Singular
+from beadwave.fem.modes.solver.multifrontal import NEITHER, Singular
 
 # stiffness of a hard layer over E / h of the softer body, h the size of a facet: its compliance is
 # a 300th of that of the elements next to it
@@ -80,15 +80,14 @@ def pressed_model(
 
     rods = tightened(structure, load.rods)
     F = T.T @ (static_forces(structure, materials, load) + rods.f)
-    K = model.K  # while bolts are tightened they have their tension and no stiffness
+    # while bolts are tightened they have their tension and no stiffness
+    parts = model.K, model.M, T, facets, hard
     try:
-        shift, contact = 0.0, condensed(K, model.M, T, facets, hard)
+        if floats(model.K, T):
+            raise Singular(NEITHER)
+        contact = condensed(*parts, bolts=rods.elongation)
     except Singular:
-        shift, contact = SHIFT, condensed(K, model.M, T, facets, hard, shift=SHIFT)
-
-    def factor_of(state: PreloadedContact) -> Factor:
-        """Of K with the stiffness of a state."""
-        return factorised((K + joined_stiffness(contact.C, state) + shift * model.M).tocsc())
+        contact = condensed(*parts, bolts=rods.elongation, shift=SHIFT)
 
     # the zone without friction; facets that slide share the stiffness of the bolt nearest to them
     state = preloaded_contact(contact, F)
@@ -103,17 +102,31 @@ def pressed_model(
         zone = np.bincount(nearest, pair.area * on, minlength=len(centres))
         k = np.array([stiffness for _, stiffness in f.bolts])
         shear.append((k / np.maximum(zone, pair.area.min()))[nearest])
-    state = state._replace(bolts=np.concatenate(shear))
+    state = state._replace(bolts=np.concatenate(shear), locked=rods.stiffness)
 
     # then what would slide
     friction = np.repeat([f.friction for f in faces], of_each)
-    state = with_friction(contact, state, factor_of, F, friction)
+    state = with_friction(contact, state, F, friction)
     state = state.with_roughness(np.repeat([f.rough for f in faces], of_each))
 
     stresses = stress_stiffness(structure, materials, load, T @ state.u)
     K_G = congruent(T, csr_matrix(stresses + rods.K_G + pressure_stiffness(state)))
-    K_0 = model.K0 + congruent(T, rods.K) + K_G + joined_stiffness(contact.C, state)
+    K_0 = (
+        model.K0 + congruent(T, rods.K) + K_G + joined_stiffness(contact.C[: 3 * len(hard)], state)
+    )
     return PressedModel(model._replace(K0=K_0.tocsc(), contact=state), contact, F)
+
+
+def floats(K, T: csr_matrix) -> bool:
+    """True where a motion of all bodies along an axis strains nothing; K (n, n), T (ndof, n)."""
+    for axis in range(3):
+        u = np.zeros(T.shape[0])
+        u[axis::3] = 1.0
+        x = lsqr(T, u, atol=1e-12, btol=1e-12)[0]
+        moves = np.linalg.norm(T @ x - u) < 1e-6 * np.linalg.norm(u)
+        if moves and x @ (K @ x) < 1e-9 * (np.abs(x) @ (abs(K) @ np.abs(x))):
+            return True
+    return False
 
 
 def pressure_stiffness(contact: PreloadedContact) -> csr_matrix:

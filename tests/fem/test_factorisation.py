@@ -8,7 +8,12 @@ from skfem import MeshTet
 
 from beadwave.fem import Connections, HeldFace, Material, assemble, factorised, joined
 from beadwave.fem.modes.solver import factorisation
-from beadwave.fem.modes.solver.factorisation import Pardiso, _superlu, has_pardiso
+from beadwave.fem.modes.solver.factorisation import (
+    Pardiso,
+    _superlu,
+    condensed_on,
+    has_pardiso,
+)
 from beadwave.fem.modes.solver.grouping import grouped, minimum_degree_work
 from beadwave.fem.modes.solver.multifrontal import Cholesky, NotPositiveDefinite, Singular, plan
 from beadwave.fem.modes.solver.nested_dissection import edges, nested_dissection
@@ -48,6 +53,34 @@ def test_both_solvers_agree():
     b = np.random.default_rng(0).normal(size=(200, 3))
     np.testing.assert_allclose(Pardiso(K).solve(b), factorised(K).solve(b), rtol=1e-9)
     np.testing.assert_allclose(Pardiso(K).solve(b[:, 0]), factorised(K).solve(b[:, 0]), rtol=1e-9)
+
+
+def chain_with_rows():
+    """A chain and seven rows of it, sums of two links each."""
+    K = spring_chain(200)
+    return K, csr_matrix((np.ones(14), (np.repeat(np.arange(7), 2), 13 * np.arange(14))), (7, 200))
+
+
+@pytest.mark.skipif(not has_pardiso(), reason="PARDISO is optional (the extra `fast`)")
+def test_a_border_leaves_its_compliance_and_the_solutions_of_the_matrix():
+    K, C = chain_with_rows()
+    b = np.random.default_rng(0).normal(size=(200, 3))
+    factor = Pardiso(K, C)
+    np.testing.assert_allclose(factor.compliance, C @ factorised(K).solve(C.T.toarray()), rtol=1e-9)
+    np.testing.assert_allclose(factor.solve(b), factorised(K).solve(b), rtol=1e-9)
+    np.testing.assert_allclose(factor.solve(b[:, 0]), factorised(K).solve(b[:, 0]), rtol=1e-9)
+
+
+@pytest.mark.parametrize("from_on", [100, 1000])
+def test_a_compliance_is_that_of_unit_forces_by_either_way(monkeypatch, from_on):
+    monkeypatch.setattr(factorisation, "WORTH_PARDISO", from_on)
+    monkeypatch.setattr(factorisation, "AT_ONCE", 4)
+    K, C = chain_with_rows()
+    factor, W = condensed_on(K, C)
+    np.testing.assert_allclose(W, C @ np.linalg.inv(K.toarray()) @ C.T, rtol=1e-9)
+    np.testing.assert_allclose(K @ factor.solve(np.ones(200)), 1.0, rtol=1e-9)
+    with pytest.raises(Singular):
+        condensed_on(spring_chain(200, held=False), C)
 
 
 def no_columns(factor):

@@ -21,8 +21,8 @@ UNSLIPPED = {
 }
 READING = """\
 amplitude: displacement of the point that moves most;  loss factor: twice the damping ratio, of the
-friction alone;  slips: share of the zone;  error: of the load steps, to which that of the pressure
-comes"""
+friction alone;  ±: standard deviation by the load steps and by the facets, of which few slip at
+small amplitudes;  slips: share of the zone"""
 
 
 class AmplitudeRow(BaseModel):
@@ -34,7 +34,8 @@ class AmplitudeRow(BaseModel):
     loss_factor: float
     dissipated_J: float  # in a cycle
     slip_share: float  # of the zone's area
-    error: float  # relative, of frequency or loss factor by the load steps, the larger one
+    loss_deviation: float  # of the loss factor, by load steps and facets
+    error: float  # relative, of frequency or loss factor, the larger one
 
 
 def amplitude_rows(backbones: Mapping[int, ModalBackbone]) -> list[AmplitudeRow]:
@@ -42,11 +43,11 @@ def amplitude_rows(backbones: Mapping[int, ModalBackbone]) -> list[AmplitudeRow]
     return [
         AmplitudeRow(
             mode=mode, displacement_m=x, frequency_hz=hz, loss_factor=eta, dissipated_J=D,
-            slip_share=share, error=error,
+            slip_share=share, error=error, loss_deviation=deviation,
         )
         for mode, b in backbones.items()
-        for x, hz, eta, D, share, error in zip(
-            *(column.tolist() for column in b[:6]), strict=True
+        for x, hz, eta, D, share, error, deviation in zip(
+            *(column.tolist() for column in b[:7]), strict=True
         )
     ]  # fmt: skip
 
@@ -63,12 +64,12 @@ def amplitudes_text(rows: Sequence[AmplitudeRow]) -> str:
                 f"{1e6 * of_mode[i].displacement_m:.3g}",
                 f"{of_mode[i].frequency_hz:.2f}",
                 f"{_without_rounding(of_mode[i].loss_factor):.2g}",
+                f"{_without_rounding(of_mode[i].loss_deviation):.1g}",
                 f"{100 * of_mode[i].slip_share:.0f} %",
-                f"{100 * _without_rounding(of_mode[i].error):.1g} %",
             )
             for i in shown
         ]
-    head = ("mode", "amplitude [um]", "Hz", "loss factor", "slips", "error")
+    head = ("mode", "amplitude [um]", "Hz", "loss factor", "±", "slips")
     return f"{aligned_text(head, cells)}\n{READING}"
 
 
@@ -77,8 +78,13 @@ def _without_rounding(value: float) -> float:
     return value if value > 1e-9 else 0.0
 
 
-def slip_sentences(backbones: Mapping[int, ModalBackbone]) -> list[str]:
-    """Modes whose faces slip as a whole, and modes that do not shear the faces."""
+def slip_sentences(contact: PreloadedContact, backbones: Mapping[int, ModalBackbone]) -> list[str]:
+    """Modes whose faces slip as a whole, and modes whose faces cannot slip or are not sheared."""
+    if not (contact.state == STUCK).any():
+        return [
+            "All of the zone slides under the preload, with friction that holds nothing: no facet "
+            "is left that could slip in a mode; frequency and loss are those of the first table."
+        ]
     whole = [(mode, b.displacement[-1:]) for mode, b in backbones.items() if b.slips_whole]
     sentences = [
         f"Mode {mode}: the faces of a bolt slip as a whole"
@@ -110,7 +116,14 @@ def amplitude_picture(rows: Sequence[AmplitudeRow]) -> Picture:
         hz = [row.frequency_hz for row in of_mode]
         name = f"mode {mode}, {hz[0]:.4g} Hz"
         above.plot(x, [100 * (f / hz[0] - 1) for f in hz], ".-", label=name)
-        below.plot(x, [_without_rounding(row.loss_factor) or np.nan for row in of_mode], ".-")
+        (line,) = below.plot(
+            x, [_without_rounding(row.loss_factor) or np.nan for row in of_mode], ".-"
+        )
+        bounds = [
+            [max(row.loss_factor + sign * row.loss_deviation, 1e-7) for row in of_mode]
+            for sign in (-1, 1)
+        ]
+        below.fill_between(x, *bounds, color=line.get_color(), alpha=0.12, linewidth=0)
     above.set_xscale("log")
     below.set_yscale("log")
     above.set_ylabel("change of frequency [%]")

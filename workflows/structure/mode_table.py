@@ -176,7 +176,7 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
     if amplitude:
         of_mode = pipeline("backbones")
         at_amplitudes = amplitude_rows(of_mode)
-        sentences += slip_sentences(of_mode)
+        sentences += slip_sentences(pipeline("model").contact, of_mode)
     sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
