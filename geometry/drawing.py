@@ -8,7 +8,7 @@ with drawn(shapes, step, volumes, gap) as drawing:    bodies, and which of them 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from skfem import Mesh
 
@@ -20,6 +20,9 @@ from beadwave.geometry.cad.solids import Body, Vector, require_size
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.meshing.size_field import SizeField
 from beadwave.geometry.own_mesh.mesh_bodies import OwnMesh, own_mesh
+
+if TYPE_CHECKING:
+    from beadwave.geometry.meshing.sizes import Sizes
 
 GMSH_NEEDS = (
     "apt-get install libgl1 libglu1-mesa libgomp1 libxcursor1 libxft2 libxinerama1 libxrender1"
@@ -114,16 +117,12 @@ def meshed(
 
     # bodies in the CAD kernel are meshed, each with the size asked for or that of its shape
     from beadwave.geometry.meshing.body_mesh import body_meshes
-    from beadwave.geometry.meshing.sizes import Fine, Sizes, default_seeds
 
-    scale, usual = sizing.scale, default_seeds(bodies)
-    seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
-    fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
     meshes = body_meshes(
         bodies,
         ties,
         gap=sizing.gap,
-        sizes=Sizes(seeds, fine, sizing.coarser, sizing.fields),
+        sizes=sizes_of(bodies, sizing),
         named=named,
         patches=chosen.patches,
         element=sizing.element,
@@ -131,3 +130,30 @@ def meshed(
     if chosen.partly:
         return meshes, by_volume
     return meshes, {name: mesh.nelements / bodies[name].volume for name, mesh in meshes.items()}
+
+
+def sizes_of(bodies: Mapping[str, Body], sizing: Sizing) -> "Sizes":
+    """Element sizes of bodies in the CAD kernel, as asked for or by their shapes."""
+    from beadwave.geometry.meshing.sizes import Fine, Sizes, default_seeds
+
+    scale, usual = sizing.scale, default_seeds(bodies)
+    seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
+    fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
+    return Sizes(seeds, fine, sizing.coarser, sizing.fields)
+
+
+def nodes_foreseen(drawing: Drawing, sizing: Sizing) -> dict[str, float]:
+    """Nodes of each body with quadratic elements: those of a mesh that is given, within a factor of
+    2 those of a mesh that is not made yet."""
+    if drawing.own:
+        skins = {name: skin.mesh for name, skin in drawing.own.skins.items()}
+        return {name: float(mesh.nvertices + mesh.nedges) for name, mesh in skins.items()}
+    from beadwave.geometry.meshing.body_mesh import foreseen_nodes
+    from beadwave.geometry.meshing.hexahedra import prisms
+
+    sizes = sizes_of(drawing.bodies, sizing)
+    nodes = {}
+    for name, body in drawing.bodies.items():
+        extruded = sizing.element != "tet" and any(prisms(body))
+        nodes[name] = foreseen_nodes(body, sizes.of(body), "hex" if extruded else "tet")
+    return nodes

@@ -1,6 +1,6 @@
 """Element sizes of a body: its seed, smaller at fine points and growing away from them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import log, pi
 from typing import NamedTuple
 
@@ -138,25 +138,19 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     faces = [tag for _, tag in boundary]
     for tag in field.list():
         field.remove(tag)
-    curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
-    kind = {tag: gmsh.model.getType(1, tag) for tag in curves}
 
     # straight lines between faces of one plane: another body ends there
     lines = []
     if size.edge:
         planes = {tag for tag in faces if gmsh.model.getType(2, tag) == "Plane"}
-        for tag in (tag for tag in curves if kind[tag] == "Line"):
+        for tag in edges_of(faces, "Line"):
             sides = [face for face in gmsh.model.getAdjacencies(1, tag)[0] if face in planes]
             normals = [gmsh.model.getEntityProperties(2, face)[1][:3] for face in sides]
             if len(normals) == 2 and parallel(*normals):
                 lines.append(tag)
 
     # on circles elements of a size that goes around them so many times
-    on_circle = {}
-    for tag in (tag for tag in curves if kind[tag] == "Circle"):
-        start, _ = gmsh.model.getParametrizationBounds(1, tag)
-        radius = 1 / gmsh.model.getCurvature(1, tag, start)[0]
-        on_circle[tag] = 2 * pi * radius / size.around
+    on_circle = {tag: 2 * pi * r / size.around for tag, r in circle_radii(faces).items()}
 
     # at every place the smallest of all sizes that grow from these places up to the seed
     fields = [_field_of_sizes(size.field)] if size.field else []
@@ -185,6 +179,21 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     }  # fmt: skip
     with mesh_options(options):
         gmsh.model.mesh.generate(dimension)
+
+
+def circle_radii(faces: Iterable[int]) -> dict[int, float]:
+    """Radii [m] of the circular edges of faces, whole or in part, by the tags of the edges."""
+    radii = {}
+    for tag in edges_of(faces, "Circle"):
+        start, _ = gmsh.model.getParametrizationBounds(1, tag)
+        radii[tag] = 1 / gmsh.model.getCurvature(1, tag, start)[0]
+    return radii
+
+
+def edges_of(faces: Iterable[int], kind: str) -> list[int]:
+    """Tags of the edges of faces that are of gmsh's type `kind`, in their order."""
+    edges = {tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]}
+    return [tag for tag in sorted(edges) if gmsh.model.getType(1, tag) == kind]
 
 
 def _field(kind: str, numbers: Mapping[str, float]) -> int:

@@ -228,10 +228,10 @@ def test_nodes_are_foreseen_within_a_factor_of_two(element, finer):
     with model(shapes) as cad:
         seeds = {name: finer * size_of(body).seed for name, body in cad.bodies.items()}
         meshes = body_meshes(cad.bodies, gap=GAP, sizes=Sizes(seeds), element=element)
-    for name, mesh in meshes.items():
-        size = size_of(cad.bodies[name], seeds[name])
-        foreseen = foreseen_nodes(cad.bodies[name], size, element)
-        assert 0.5 < foreseen / (mesh.nvertices + mesh.nedges) < 2
+        for name, mesh in meshes.items():
+            size = size_of(cad.bodies[name], seeds[name])
+            foreseen = foreseen_nodes(cad.bodies[name], size, element)
+            assert 0.5 < foreseen / (mesh.nvertices + mesh.nedges) < 2
 
 
 def test_a_seed_that_no_machine_solves_is_refused_before_meshing():

@@ -2,6 +2,7 @@
 
 drawing     the bodies in the CAD kernel or in the user's mesh, and which of them touch
 words       the faces and bodies that the scene names, as text for `geometry.cad.joints.picked`
+placed      what these words pick, and the sizes of elements
 parts       the bodies meshed, and what joins, holds and loads them
 """
 
@@ -10,13 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beadwave import fem
 from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
+from beadwave.geometry.cad.selectors import FaceSelection
+from beadwave.geometry.cad.solids import Body
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
@@ -101,57 +106,88 @@ def _under(table: UnderTable) -> Under:
     return Under(table.at, table.radius, table.sides)
 
 
+class Placed(NamedTuple):
+    """What a scene's words pick of its bodies, and the sizes of their elements, before any mesh."""
+
+    selection: NamedParts
+    ties: list[TouchingPair]
+    pressed: list[TouchingPair]  # with a bolt that keeps them in contact
+    bolted: dict[int, BoltedPlace]
+    struck: Struck | None
+    named: dict[str, FaceSelection]
+    sizing: Sizing
+
+
+def placed(
+    scene: Scene, layout: Drawing, sizes: ElementSizes = ElementSizes(), coarser: float = 1.0
+) -> Placed:
+    """What is struck, tied, bolted and held on a drawing of the scene, and the sizes of elements,
+    `coarser` times as large.
+
+    Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
+    for all that `tied_pairs` refuses; InvalidGeometry for words that pick nothing.
+    """
+    bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
+    selection = picked(words(scene), bodies, near.touching, gap)
+    for name in bodies:
+        if scene.material_name(name) is None:
+            raise InvalidScene(
+                f'{scene.name}: nothing says what "{name}" is made of; give '
+                f"bodies.{name}.material, or assembly.material for all."
+            )
+    ties = tied_pairs(scene, layout, selection)
+    bolted = bolted_places(scene, selection, bodies)
+    joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
+    pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
+    named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
+    hits = _hits(scene, layout, selection)
+    face = hits[0][0] if hits else None
+    if face:
+        named[STRIKE] = face.face
+
+    sizing = Sizing(
+        gap,
+        scene.mesh.scale,
+        {name: scene.seed_of(name) for name in bodies},
+        # a crystal's last row touches at many places, none of them finer than the face
+        [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal],
+        coarser,
+        "tet" if scene.mesh.element == "tet" else None,
+        {
+            name: field.stretched(sizes.boxes[name], box_of(bodies[name]))
+            for name, field in sizes.fields.items()
+            if name in bodies
+        },
+        sizes.usual,
+    )
+    return Placed(selection, ties, pressed, bolted, face, named, sizing)
+
+
+def box_of(body: Body) -> NDArray[np.float64]:
+    """(2, 3) [m], the lower and the upper corner of the box around a body."""
+    return np.array([body.lower, body.upper])
+
+
 def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1.0) -> Parts:
     """Bodies meshed each on its own, and what joins, holds and loads them.
 
     Elements have the `sizes`, `coarser` times as large; a mesh of the user's stays as it is.
-    Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
-    for all that `drawing` and `tied_pairs` refuse.
+    Raises InvalidScene for all that `drawing` and `placed` refuse, and for a mesh that does not fit
+    into memory.
     """
     coarser *= sizes.scale
     with drawing(scene, coarser) as layout:
-        # what the scene's words pick, and what every body is made of
-        bodies, near, gap = layout.bodies, layout.near, scene.assembly.gap
-        boxes = {name: np.array([body.lower, body.upper]) for name, body in bodies.items()}
-        selection = picked(words(scene), bodies, near.touching, gap)
-        for name in bodies:
-            if scene.material_name(name) is None:
-                raise InvalidScene(
-                    f'{scene.name}: nothing says what "{name}" is made of; give '
-                    f"bodies.{name}.material, or assembly.material for all."
-                )
-        ties = tied_pairs(scene, layout, selection)
-        bolted = bolted_places(scene, selection, bodies)
-        joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
-        pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
-        named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
-        hits = _hits(scene, layout, selection)
-        face = hits[0][0] if hits else None
-        if face:
-            named[STRIKE] = face.face
-
-        sizing = Sizing(
-            gap,
-            scene.mesh.scale,
-            {name: scene.seed_of(name) for name in bodies},
-            # a crystal's last row touches at many places, none of them finer than the face
-            [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal],
-            coarser,
-            "tet" if scene.mesh.element == "tet" else None,
-            {
-                name: field.stretched(sizes.boxes[name], boxes[name])
-                for name, field in sizes.fields.items()
-                if name in boxes
-            },
-            sizes.usual,
-        )
-        meshes, fineness = meshed(layout, selection, [*ties, *pressed], named, sizing)
+        chosen = placed(scene, layout, sizes, coarser)
+        selection, ties, bolted = chosen.selection, chosen.ties, chosen.bolted
+        boxes = {name: box_of(body) for name, body in layout.bodies.items()}
+        joined = [*ties, *chosen.pressed]
+        meshes, fineness = meshed(layout, selection, joined, chosen.named, chosen.sizing)
 
     made_of = {name: material(scene.made_of(name)) for name in meshes}
     connections, rigid = _connections(scene, selection, ties, fineness, bolted)
-    closed = tuple(_tie(touch, fineness) for touch in pressed)
+    closed = tuple(_tie(touch, fineness) for touch in chosen.pressed)
     whole = Parts(
-        meshes, made_of, connections, rigid, face, _load(scene, selection),
+        meshes, made_of, connections, rigid, chosen.struck, _load(scene, selection),
         sizes, tuple(bolted.values()), closed, boxes,
     )  # fmt: skip
 
