@@ -128,14 +128,19 @@ class PreparedImpact(NamedTuple):
             x=static.x.copy(), v=np.zeros(n), u=np.zeros(d), u_v=np.zeros(d), psi=np.zeros(d),
             spin=np.zeros(d), q=np.zeros(k), p=np.zeros(k), f=np.zeros(n + 1), force=force,
             slip=np.zeros(d), pending=np.zeros(1 + d), wall=np.zeros((2, 1 + d)),
-            ledger=np.zeros(4),
+            ledger=np.zeros(4), behind=np.zeros(d), rolled=np.zeros(d),
         )  # fmt: skip
+        rubbed_before = self.last.before is not None
         if d == 2:
-            cells = (open_cells(self.search.n_cells) for _ in range(2))
-            contacts = FrictionalContact(None, None, next(cells), None, next(cells))
+            cells, trial, before = (open_cells(self.search.n_cells) for _ in range(3))
+            contacts = FrictionalContact(None, None, cells, None, trial)
+            if rubbed_before:
+                contacts = contacts._replace(before_cells=before)
         else:
-            row, room, trial = (open_row(self.search.capacity) for _ in range(3))
+            row, room, trial, before = (open_row(self.search.capacity) for _ in range(4))
             contacts = FrictionalContact(row, room, None, trial, None)
+            if rubbed_before:
+                contacts = contacts._replace(before_row=before)
         return MarchState(motion, contacts)
 
     def stepped(self, h: float, *, before_striker: "Before | None" = None) -> SpatialSystem:
@@ -174,8 +179,9 @@ class PreparedImpact(NamedTuple):
         )
         trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((6, d)))
         return SpatialSystem(
-            arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials
-        )
+            arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials,
+            self.last.before,
+        )  # fmt: skip
 
     def march(
         self,
@@ -230,7 +236,9 @@ class MarchState(NamedTuple):
         if contacts.cells is None:
             return moving
         cells, trial = (redivided(contacts.cells, n_cells) for _ in range(2))
-        return MarchState(moving.motion, FrictionalContact(None, None, cells, None, trial))
+        before = contacts.before_cells and redivided(contacts.before_cells, n_cells)
+        contacts = FrictionalContact(None, None, cells, None, trial, before_cells=before)
+        return MarchState(moving.motion, contacts)
 
     def copied(self) -> "MarchState":
         """A copy in arrays of its own."""
@@ -310,6 +318,10 @@ def body_of(
     """
     require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
+    require(
+        last.before is None or (chain.mass.size > 1 and shakers is None),
+        "friction between spheres takes a chain of two or more, and no shakers; change them",
+    )
     velocity, stiffness = checked_last_sphere(last)
     S = np.asarray(wall.residual_compliance, float)
     if np.any(wall.zeta < 0.0):
@@ -347,7 +359,15 @@ def body_of(
     slow = np.asarray(wall.omega) ** 2 <= k_t / float(chain.mass[-1])
     meets = 1.0 / float(chain.mass[-1]) + float(chain.radius[-1]) ** 2 / last.inertia
     meets += float(np.square(wall.phi[slow, 1:]).sum(axis=0).max(initial=0.0))
-    rate = max(fastest_rate(prepared, v0), math.sqrt(k_t * meets))
+    sticking = k_t * meets
+    if last.before is not None:
+        before = largest_force(prepared, v0, -2)
+        pressed = float(chain.elastic.at(np.s_[-2:-1]).overlap(np.array([before]))[0])
+        a = math.sqrt(last.before.radius * pressed)
+        sticking += float(stick_stiffness(last.before, a)) * (
+            1.0 / float(chain.mass[-1]) + float(chain.radius[-1]) ** 2 / last.inertia
+        )
+    rate = max(fastest_rate(prepared, v0), math.sqrt(sticking))
     return PreparedImpact(prepared, wall, last, shakers, frame, rate, search, max(k_n, k_t))
 
 
@@ -361,14 +381,15 @@ def along_normal(wall: SpatialWall) -> Wall:
     )
 
 
-def largest_force(prepared: PreparedChain, v0: ArrayLike) -> float:
-    """Upper estimate [N] of the force at the wall from velocities v0 (n,) [m/s]: all kinetic energy
-    in its contact, on top of the overlap at rest."""
+def largest_force(prepared: PreparedChain, v0: ArrayLike, contact: int = -1) -> float:
+    """Upper estimate [N] of the force at the wall, or of another contact counted from it, from
+    velocities v0 (n,) [m/s]: all kinetic energy in it, on top of the overlap at rest."""
     chain = prepared.chain
     energy = 0.5 * float(np.asarray(chain.mass) @ np.square(np.asarray(v0, float)))
-    law = chain.elastic.at(np.s_[-1:])
+    place = np.s_[contact : contact + 1 or None]
+    law = chain.elastic.at(place)
     deepest = float(law.overlap_of_energy(np.array([energy]))[0]) if energy > 0.0 else 0.0
-    deepest += float(law.overlap(prepared.static.force[-1:])[0])
+    deepest += float(law.overlap(prepared.static.force[place])[0])
     return float(law.force(np.array([deepest]))[0])
 
 

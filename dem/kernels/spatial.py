@@ -1,13 +1,14 @@
 """A chain, its last sphere across it, and a wall of modes in three directions, marched together.
 
     m_i x_i'' = f_{i-1} - f_i + load_i - k_i (x_i - rest_i)                along n, into the wall
-    m u'' + k u = -T,     I psi'' + kappa psi = -R T                       across, along t1 (and t2)
+    m u'' + k u = -T - S,     I psi'' + kappa psi = -R (T - S)             across, along t1 (and t2)
     q'' + 2 zeta omega q' + omega^2 q = phi F + Re(B e^(i w t)),            F = (N, T)
     U = phi^T q + S F + Re(L e^(i w t))
 
 F acts between the last sphere and the wall: N = A d^(3/2) of the overlap d = x_n - U_n, and T of
-the springs of `tangential` under the shift dU = d(u + R psi - U_t). Force and motion of the
-residual compliance S are found together, by Broyden's method from the tangent of a contact that
+the springs of `tangential` under the shift dU = d(u + R psi - U_t). S is that of the contact with
+the sphere before, which stays on the chain's line, under d(u - R psi); 0 without friction there.
+Force and motion of the residual compliance are found together, by Broyden's method from the tangent of a contact that
 sticks (C. G. Broyden, Math. Comput. 19 (1965) 577). A step of h is
 
     half a kick by T, half a kick by the normal forces, their dampers;
@@ -60,6 +61,8 @@ class SpatialMotion(NamedTuple):
     pending: Array  # (1 + n_directions,) [N s] impulse that the modes have not got yet
     wall: Array  # (2, 1 + n_directions) phi^T q, phi^T p, the pending impulse included
     ledger: Array  # (4,) [J]
+    behind: Array  # (n_directions,) [N] of the contact with the sphere before, on the last one
+    rolled: Array  # (n_directions,) [m] u - R psi at which these forces were computed
 
 
 class SpatialArrays(NamedTuple):
@@ -97,13 +100,16 @@ class ModalShakerForces(NamedTuple):
 
 
 class FrictionalContact(NamedTuple):
-    """The frictional contact: a row in one direction, cells in two, and as much room for trials."""
+    """The frictional contact: a row in one direction, cells in two, and as much room for trials; and
+    that with the sphere before, where there is friction."""
 
     row: SpringRow | None
     room: SpringRow | None
     cells: SpringCells | None
     trial_row: SpringRow | None
     trial_cells: SpringCells | None
+    before_row: SpringRow | None = None  # of the contact with the sphere before
+    before_cells: SpringCells | None = None
 
     def copied(self) -> "FrictionalContact":
         """A copy in arrays of its own."""
@@ -140,6 +146,7 @@ class SpatialSystem(NamedTuple):
     law: TangentialLaw
     shaking: ModalShakerForces
     trials: Trials
+    law_before: TangentialLaw | None = None  # of the contact with the sphere before
 
 
 class SavedSpatial(NamedTuple):
@@ -446,9 +453,9 @@ def kick(h: float, motion: SpatialMotion, arrays: SpatialArrays, sphere: Sphere)
         v[i] += h * minv[i] * (f[i] - f[i + 1] + arrays.load[i])
     push(0, h * (f[v.size] - arrays.rest_force), motion, arrays.square)
     for j in range(motion.u.size):
-        T = motion.force[1 + j]
-        motion.u_v[j] -= h * sphere.inverse_mass[j] * T
-        motion.spin[j] -= h * sphere.inverse_inertia * sphere.radius * T
+        T, behind = motion.force[1 + j], motion.behind[j]
+        motion.u_v[j] -= h * sphere.inverse_mass[j] * (T + behind)
+        motion.spin[j] -= h * sphere.inverse_inertia * sphere.radius * (T - behind)
         push(1 + j, h * T, motion, arrays.square)
 
 
@@ -470,6 +477,49 @@ def forces(
     q = pressure(h, motion, arrays, trials.motion_rate[0])
     touch(q, motion, system, contacts)
     f[n] = motion.force[0]
+    rub_before(
+        system.law_before, h, motion, system, contacts.before_row, contacts.room,
+        contacts.before_cells,
+    )  # fmt: skip
+
+
+@ieee
+def rub_before(
+    law: TangentialLaw | None, h: float, motion: SpatialMotion, system: SpatialSystem,
+    row: SpringRow | None, room: SpringRow | None, cells: SpringCells | None,
+) -> None:  # fmt: skip
+    """Friction between the last sphere and the one before at their positions, in place; h [s] of
+    the half kick to come, after which the damper's pressure is taken, see `pressure`."""
+    if law is None:
+        return
+    x, v, f, arrays = motion.x, motion.v, motion.f, system.arrays
+    last, radius = x.size - 1, system.sphere.radius
+    gamma, minv = arrays.gamma[last - 1], arrays.inverse_mass
+    w = v[last - 1] - v[last]
+    if gamma != 0.0:
+        pressed = f[last] * larger(1.0 + gamma * w, 0.0)
+        w += h * minv[last - 1] * (f[last - 1] - pressed + arrays.load[last - 1])
+        w -= h * minv[last] * (pressed - f[last + 1] + arrays.load[last])
+    way1 = motion.u[0] - radius * motion.psi[0] - motion.rolled[0]
+    way2 = 0.0
+    if motion.u.size == 2:
+        way2 = motion.u[1] - radius * motion.psi[1] - motion.rolled[1]
+    overlap, q = larger(x[last - 1] - x[last], 0.0), larger(1.0 + gamma * w, 0.0)
+    press(law, overlap, q, (way1, way2), motion.behind, row, room, cells)
+    for j in range(motion.u.size):
+        motion.rolled[j] = motion.u[j] - radius * motion.psi[j]
+
+
+@ieee
+def add_state_before(
+    energy: Array, law: TangentialLaw | None, row: SpringRow | None, cells: SpringCells | None
+) -> None:
+    """The springs' energy and friction's heat of the contact with the sphere before, added to those
+    of the contact at the wall."""
+    if law is not None:
+        _, stored, heat = contact_state(law, row, cells)
+        energy[SPRINGS] += stored
+        energy[RUBBED] += heat
 
 
 # --- march ---------------------------------------------------------------------------------------
@@ -530,6 +580,7 @@ def save_spatial(
     saved.stick[k], energy[SPRINGS], energy[RUBBED] = contact_state(
         system.law, contacts.row, contacts.cells
     )
+    add_state_before(energy, system.law_before, contacts.before_row, contacts.before_cells)
 
     # energies of the modes; what is not finite anywhere leaves FINITE so
     energy[SWING] = 0.0
@@ -549,7 +600,7 @@ def march_spatial(
 ) -> int:  # fmt: skip
     """March on from the time t [s] of a settled state, in place. Ends early, and says after how
     many saves, where a state is not finite."""
-    arrays, sphere, _, shaking, trials = system
+    arrays, sphere, _, shaking, trials, _ = system
     h, n_save, stride = steps
     x, v, u, u_v, psi, spin, q, p = motion[:8]
     n, rest, force, ledger = x.size, arrays.rest, motion.force, motion.ledger

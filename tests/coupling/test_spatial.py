@@ -13,6 +13,7 @@ from beadwave.coupling.spatial_wall import (
     spatial_wall_of_modes,
 )
 from beadwave.dem.checks import InvalidChain
+from beadwave.dem.friction import tangential_law
 from beadwave.dem.lateral import march_lateral
 
 from bristles import Bristles, plain_march
@@ -68,6 +69,61 @@ def test_a_wall_that_moves_along_its_normal_alone_is_that_of_the_march_with_fric
     assert run.lateral.dissipated_friction[-1] == pytest.approx(
         across.dissipated_friction[-1], rel=1e-5
     )
+
+
+PRESSED = {"count": 2, "preload": 40.0}
+RUBS = tangential_law(0.3, R, E, NU, R, E, NU)
+
+
+@pytest.mark.parametrize("velocity", [(0.05, 0.0), (0.04, 0.03)])
+@pytest.mark.parametrize("gamma", [0.0, 1.0])
+def test_friction_at_the_sphere_before_is_that_of_the_march_across(velocity, gamma):
+    """A wall that moves along its normal alone: the march along and the one across behind it;
+    pressed, so that both contacts rub from the start. Velocities to the errors asked."""
+    chain = row(**PRESSED, dissipation="hunt-crossley", gamma=gamma) if gamma else row(**PRESSED)
+    simple = dem.one_dof_wall(900.0, 0.5, 0.01)
+    body = last(chain, velocity, arm_stiffness=np.array([2e6, 5e6]))._replace(before=RUBS)
+    along = dem.march_to_error(chain, simple, [0.1, 0.0], duration=2e-4, error=1e-6).trajectory
+    across = march_lateral(chain, simple, [0.1, 0.0], along, body, error=1e-5)
+    none = np.zeros_like(simple.phi)
+    wall = spatial_wall_of_modes(
+        simple.omega, simple.zeta, np.column_stack([simple.phi, none, none])
+    )
+    run = march_space(chain, wall, [0.1, 0.0], body, duration=2e-4, error=1e-5)
+    np.testing.assert_allclose(run.trajectory.v, along.v, atol=2e-6)
+    np.testing.assert_allclose(run.lateral.sphere_t_v, across.sphere_t_v, atol=2e-6)
+    np.testing.assert_allclose(run.lateral.sphere_spin * R, across.sphere_spin * R, atol=2e-6)
+    assert run.lateral.dissipated_friction[-1] == pytest.approx(
+        across.dissipated_friction[-1], rel=1e-4
+    )
+    assert run.lateral.energy_error < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["coupled modes", "damped", "residual"])
+def test_two_rubbing_contacts_on_coupled_modes_are_those_of_a_plain_integrator(name):
+    """Velocities to 3e-5 of the speed, as above; the spheres pressed together."""
+    seed, _, fields, s = OBLIQUE[name]
+    chain, wall = row(**PRESSED, **fields), random_wall(seed)
+    rng = np.random.default_rng(seed)
+    S = s * rng.normal(size=(3, 3))
+    wall = wall._replace(residual_compliance=0.5 * (S + S.T))
+    body = last(chain, (0.05, 0.03))._replace(before=RUBS)
+    options = {"duration": 1e-4}
+    run = march_space(chain, wall, [0.1, 0.0], body, error=1e-5, n_save=100, **options)
+    y, _ = plain_march(
+        chain, wall, [0.1, 0.0], body, dt=1e-7, bristles=Bristles(8e-6, 600), **options
+    )
+    np.testing.assert_allclose(run.trajectory.v[-1], y[1], atol=3e-6)
+    np.testing.assert_allclose(run.lateral.sphere_t_v[-1], y[3], atol=3e-6)
+    turned = np.array([-y[5][1], y[5][0]])
+    np.testing.assert_allclose(R * run.lateral.sphere_spin[-1], R * turned, atol=6e-6)
+    free = march_space(
+        chain, wall, [0.1, 0.0], body._replace(before=None), error=1e-4, n_save=100, **options
+    )
+    moved = np.abs(free.lateral.sphere_t_v[-1] - run.lateral.sphere_t_v[-1]).max()
+    assert moved > 1e-3  # the sphere before holds it
+    assert run.lateral.energy_error < 1e-5
 
 
 def test_a_wall_turned_about_its_normal_turns_the_answer():

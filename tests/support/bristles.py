@@ -74,6 +74,16 @@ def plain_march(
             F = new
         return new, trial, near[1:]
 
+    def behind(d, q_pressure, b, way):
+        """Force on the last sphere (2,) of its contact with the one before, and the bristles."""
+        radius = R if last.before is None else last.before.radius
+        trial = np.where((d > x_b**2 / radius)[:, None], b + way, 0.0)
+        c = 0.0 if last.before is None else last.before.bound
+        bound = c * q_pressure * np.maximum(d - x_b**2 / radius, 0.0)
+        size = np.hypot(*trial.T)
+        trial *= (np.minimum(bound, size) / np.where(size > 0, size, 1.0))[:, None]
+        return G_star * width @ trial, trial
+
     # from rest, the contact pressed and never sheared, or from the state of a cycle, whose bristles
     # are read off its cells at x^2
     static = dem.equilibrium(
@@ -83,6 +93,7 @@ def plain_march(
     ends = np.cumsum([n, n, 2, 2, 2, 2, k])
     offset = wall.phi[:, 0] @ static.q
     stretch, slip, F = np.zeros((bristles.count, 2)), np.zeros(2), np.array([F0, 0.0, 0.0])
+    stretch_before, rolled = np.zeros((bristles.count, 2)), np.zeros(2)
     y = np.concatenate([static.x, v0, [0, 0], last.velocity, np.zeros(4 + 2 * k)])
     if shaken is not None:
         m_, cells = shaken.moving.motion, shaken.moving.contacts.cells
@@ -104,14 +115,22 @@ def plain_march(
         f = f * np.maximum(1 + gamma * approach, 0.0)
         net = np.append(0.0, f[:-1]) - f - leaf * (x - anchor) + chain.steady
         T = force[1:]
+        d, q2 = max(x[-2] - x[-1], 0.0) if n > 1 else 0.0, 1.0
+        if n > 1:
+            q2 = max(1 + gamma[-2] * approach[-2], 0.0)
+        back = u - R * psi
+        B, b_before = behind(d, q2, stretch_before, back - rolled)
         push = wall.phi @ [f[-1] - F0, *T]
         if shaken is not None:
             push = push + wall.load[:, 0] * shaken.force * np.cos(shaken.omega * t + shaken.phase)
         a = push - 2 * wall.zeta * wall.omega * p - wall.omega**2 * q
         kappa = last.arm_rotation
-        turn = (-R * T - kappa * psi) / last.inertia if np.isfinite(kappa) else np.zeros(2)
-        across = np.where(free, -(T + arm * u) / m[-1], 0.0)
-        return np.concatenate([v, net / m, uv, across, spin, turn, p, a]), (b, s, force)
+        turn = np.zeros(2)
+        if np.isfinite(kappa):
+            turn = (-R * (T - B) - kappa * psi) / last.inertia
+        across = np.where(free, -(T + B + arm * u) / m[-1], 0.0)
+        became = b, s, force, b_before, back
+        return np.concatenate([v, net / m, uv, across, spin, turn, p, a]), became
 
     history = [[*F, *slip]]
     for i in range(round(duration / dt)):
@@ -121,6 +140,6 @@ def plain_march(
         k3, _ = rate(t + dt / 2, y + dt / 2 * k2)
         k4, _ = rate(t + dt, y + dt * k3)
         y = y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        _, (stretch, slip, F) = rate(t + dt, y)
+        _, (stretch, slip, F, stretch_before, rolled) = rate(t + dt, y)
         history.append([*F, *slip])
     return np.split(y, ends), np.array(history)

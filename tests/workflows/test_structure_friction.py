@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from beadwave import rom
+from beadwave import impact, rom
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.scene import InvalidScene
 
@@ -38,6 +38,20 @@ def test_a_structure_that_is_struck_off_its_middle_moves_the_sphere_across(capsy
     # the structure moves with the last sphere, along the chain and across it
     assert np.ptp(run["wall_t"][:, 0]) > 0.0
     assert any("Errors of reduction and mesh" in sentence for sentence in summary["warnings"])
+
+
+@pytest.mark.slow
+def test_the_sphere_before_holds_the_last_one_on_a_structure():
+    """Pressed together they rub: less motion across, heat at both contacts, the same ledger."""
+    changes = {"friction.coefficient": 0.2, "arm.stiffness": 2e6, "arm.rotation": 1e3}
+    free, held = (
+        impact("block.toml", changes | further).summary
+        for further in ({}, {"friction.between_spheres": 0.4})
+    )
+    across, with_before = (np.hypot(*run.friction.velocity_m_s) for run in (free, held))
+    assert abs(across - with_before) > 0.02 * across
+    assert held.friction.dissipated_J != free.friction.dissipated_J
+    assert held.energy_error < 1e-4
 
 
 def test_without_force_across_the_run_is_that_without_friction():
@@ -133,7 +147,10 @@ def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word
 
 REFUSED = {
     'friction.upstream = "held" holds the other spheres': ["friction.upstream=held"],
-    "friction.between_spheres is known before walls of a few": ["friction.between_spheres=0.1"],
+    "friction.between_spheres is not known in the periodic state": [
+        "friction.between_spheres=0.1",
+        "shakers=[{name='s',on='block:+y',direction='y',force=1.0,frequency=100.0}]",
+    ],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
 }
 
