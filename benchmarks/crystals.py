@@ -85,27 +85,13 @@ def of_space(columns: int, rows: int, friction: float) -> float:
 def of_lammps(columns: int, rows: int) -> float:
     """[s] of a contact-step of the same packing in LAMMPS, with friction and history."""
     found, v0 = packing(columns, rows, MU)
-    x = found.rest
-    low, high = x.min(axis=0) - 4 * R, x.max(axis=0) + 4 * R
-    law = f"hertz/material {E!r} 0.0 {NU!r} tangential mindlin NULL 0.0 {MU!r} damping velocity"
-    engine = lammps.started()
+    x, law = found.rest, f"mindlin NULL 0.0 {MU!r}"
+    sphere = lammps.LammpsSpheres(R, RHO, E, NU)
+    engine = lammps.packing(x, v0, sphere, law, DT)
     try:
-        engine.commands_list([
-            "units si", "atom_style sphere", "atom_modify map array", "newton off",
-            "boundary f f f", "comm_modify vel yes",
-            f"region all block {low[0]} {high[0]} {low[1]} {high[1]} {low[2]} {high[2]}",
-            "create_box 1 all", f"neighbor {0.1 * R} bin", "neigh_modify delay 0",
-        ])  # fmt: skip
-        engine.create_atoms(
-            len(x), np.arange(1, len(x) + 1).tolist(), [1] * len(x), x.ravel().tolist(),
-            v0.ravel().tolist(),
-        )  # fmt: skip
-        engine.commands_list([
-            f"set type 1 diameter {2 * R!r} density {RHO!r}", "pair_style granular",
-            f"pair_coeff 1 1 {law}", "fix motion all nve/sphere",
-            f"fix wall all wall/gran granular {law} yplane NULL {float(x[:, 1].max()) + R!r}",
-            f"timestep {DT!r}", "thermo 0",
-        ])  # fmt: skip
+        wall = f"yplane NULL {float(x[:, 1].max()) + R!r}"
+        contact = lammps.contact_of(sphere, law)
+        engine.command(f"fix wall all wall/gran granular {contact} {wall}")
         seconds = quickest(lambda steps: engine.command(f"run {steps} post no"))
     finally:
         engine.close()

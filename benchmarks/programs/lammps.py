@@ -97,6 +97,63 @@ def _input_script(spheres: LammpsSpheres, v0: NDArray[np.float64], wall: bool) -
     return script
 
 
+def packing(
+    x: NDArray[np.float64], v0: NDArray[np.float64], sphere: LammpsSpheres, law: str, dt: float
+):
+    """LAMMPS with equal spheres at x (s, 3) [m] that move by v0 (s, 3) [m/s], steps of dt [s], and
+    this tangential law; `law` as in "mindlin NULL 0.0 0.2". The caller closes it."""
+    R = float(sphere.radius)
+    low, high = x.min(axis=0) - 4 * R, x.max(axis=0) + 4 * R
+    engine = started()
+    engine.commands_list([
+        "units si", "atom_style sphere", "atom_modify map array", "newton off",
+        "boundary f f f", "comm_modify vel yes",
+        f"region all block {low[0]} {high[0]} {low[1]} {high[1]} {low[2]} {high[2]}",
+        "create_box 1 all", f"neighbor {0.1 * R} bin", "neigh_modify delay 0",
+    ])  # fmt: skip
+    engine.create_atoms(
+        len(x), np.arange(1, len(x) + 1).tolist(), [1] * len(x), x.ravel().tolist(),
+        v0.ravel().tolist(),
+    )  # fmt: skip
+    engine.commands_list([
+        f"set type 1 diameter {2 * R!r} density {sphere.density!r}", "pair_style granular",
+        f"pair_coeff 1 1 {contact_of(sphere, law)}", "fix motion all nve/sphere",
+        f"timestep {dt!r}", "thermo 0",
+    ])  # fmt: skip
+    return engine
+
+
+def contact_of(sphere: LammpsSpheres, law: str) -> str:
+    """Hertz' contact of equal spheres with a tangential law, in LAMMPS' words."""
+    normal = f"hertz/material {sphere.young!r} {sphere.damping!r} {sphere.poisson!r}"
+    return f"{normal} tangential {law} damping velocity"
+
+
+def packing_motion(
+    x: NDArray[np.float64],
+    v0: NDArray[np.float64],
+    spin0: NDArray[np.float64],
+    sphere: LammpsSpheres,
+    *,
+    law: str,
+    duration: float,
+    dt: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Velocities [m/s] and spins [rad/s] (s, 3) of equal spheres after the duration [s]; arguments
+    as of `packing`."""
+    steps = int(np.ceil(duration / dt - 1e-9))
+    engine = packing(x, v0, sphere, law, duration / steps)
+    try:
+        for i, spin in enumerate(spin0.tolist(), start=1):
+            engine.command(f"set atom {i} omega {spin[0]!r} {spin[1]!r} {spin[2]!r}")
+        engine.command(f"run {steps} post no")
+        order = np.argsort(engine.numpy.extract_atom("id")[: len(x)])
+        v, omega = (engine.numpy.extract_atom(name)[order].copy() for name in ("v", "omega"))
+    finally:
+        engine.close()
+    return v, omega
+
+
 def surface_velocity(
     sphere: LammpsSpheres, *, speed: float, across: float, coefficient: float
 ) -> float:

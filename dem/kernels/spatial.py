@@ -8,8 +8,8 @@
 F acts between the last sphere and the wall: N = A d^(3/2) of the overlap d = x_n - U_n, and T of
 the springs of `tangential` under the shift dU = d(u + R psi - U_t). S is that of the contact with
 the sphere before, which stays on the chain's line, under d(u - R psi); 0 without friction there.
-Force and motion of the residual compliance are found together, by Broyden's method from the tangent of a contact that
-sticks (C. G. Broyden, Math. Comput. 19 (1965) 577). A step of h is
+Force and motion of the residual compliance are found together, by Broyden's method from the tangent
+of a contact that sticks (C. G. Broyden, Math. Comput. 19 (1965) 577). A step of h is
 
     half a kick by T, half a kick by the normal forces, their dampers;
     spheres, arm and modes move exactly without contact forces, the modes under their shakers;
@@ -100,8 +100,8 @@ class ModalShakerForces(NamedTuple):
 
 
 class FrictionalContact(NamedTuple):
-    """The frictional contact: a row in one direction, cells in two, and as much room for trials; and
-    that with the sphere before, where there is friction."""
+    """The frictional contact: a row in one direction, cells in two, and as much room for trials;
+    and that with the sphere before, where there is friction."""
 
     row: SpringRow | None
     room: SpringRow | None

@@ -181,13 +181,14 @@ def march_to_error(
 
     Raises InvalidChain, UnstableStep where no march is finite or the error takes too much work.
     """
-    v0 = validate(packing, v0)
+    v0 = np.asarray(v0, float)
+    v = validate(packing, v0[:, :3] if v0.ndim == 2 else v0)
     positive("error", error)
     positive("duration", duration, " s")
-    speed = max(float(np.linalg.norm(v0, axis=1).max()), packing.fastest_drive) or 1.0
+    speed = max(float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
     order = event_order(packing)
     run = {"duration": duration, "n_save": n_save, "saved": saved}
-    step, coarse, spent = first_step(packing, v0, duration), None, 0.0
+    step, coarse, spent = first_step(packing, v, duration), None, 0.0
     best: tuple[float, float] | None = (
         None  # step and excess of the march from which none is better
     )

@@ -1,9 +1,10 @@
-"""Equal, unlike, tapered and damped chains, and oblique impacts, beside LAMMPS."""
+"""Equal, unlike, tapered and damped chains, oblique impacts, pairs and crystals, beside LAMMPS."""
 
 import numpy as np
 import pytest
 
 from beadwave import dem
+from beadwave.dem import space
 from beadwave.workflows.evidence.verify.friction import MU, SPEED, oblique_impact, tangential_speed
 
 from peer_programs import require_module
@@ -72,3 +73,78 @@ def test_oblique_impacts_in_lammps_leave_our_surface_velocity(psi, allowed, comp
     theirs = lammps.surface_velocity(RIG, speed=SPEED, across=across, coefficient=MU)
     compare(f"oblique impact at psi = {psi:g}, surface velocity [v_t]", ours / v, theirs / v,
             allowed=allowed, of=1.0, source=INCREMENTS)  # fmt: skip
+
+
+SMALL = lammps.LammpsSpheres(6e-3, 7800.0, 210e9, 0.3)
+SMOOTH = "linear_nohistory 0 0"
+# springs that leave a contact take their energy along, as ours do
+ROUGH_LAW = "mindlin_rescale/force NULL 0.0 {mu}"
+
+
+def in_space(x, pairs, friction):
+    """The packing of spheres at x (s, 3) [m] whose pairs (c, 2) touch."""
+    found = space.packing_of(x, *SMALL[:4], pairs=pairs, arm=x[pairs[:, 1]] - x[pairs[:, 0]])
+    return found._replace(friction=np.full(len(pairs), friction)) if friction else found
+
+
+def crystal_of(name, size):
+    """Centres (s, 3) [m] of spheres that touch without force, and their pairs."""
+    lattice = space.lattice(name, size)
+    pairs, _ = space.touching(lattice.centre, lattice.period, 1.0 + space.CLOSE)
+    return 2.0 * SMALL.radius * lattice.centre, pairs
+
+
+@pytest.mark.parametrize(("name", "size"), [("hexagonal", (7, 8)), ("fcc", (3, 3, 3))])
+def test_lammps_converges_to_our_velocities_in_a_crystal_with_order_2(name, size, compare):
+    """A sphere of the first row or plane is struck, obliquely."""
+    x, pairs = crystal_of(name, size)
+    v0, run = np.zeros_like(x), {"duration": 2e-4}
+    v0[len(x) // 2] = [0.1, 0.25, 0.0] if name == "hexagonal" else [0.05, 0.1, 0.2]
+    still, steps = np.zeros_like(x), (1e-7, 5e-8)
+    theirs = [
+        lammps.packing_motion(x, v0, still, SMALL, law=SMOOTH, dt=dt, **run)[0] for dt in steps
+    ]
+    ours = space.march_to_error(in_space(x, pairs, 0.0), None, v0, error=1e-7, **run)
+    speed, v = np.linalg.norm(v0, axis=1).max(), ours.velocity[-1]
+    compare(f"{name} crystal of {len(x)} spheres: velocities [V]", v, theirs[1],
+            allowed=1e-4, of=speed, source=SOURCE)  # fmt: skip
+    errors = [np.abs(other - v).max() for other in theirs]
+    compare(f"{name} crystal: order of its convergence to us", np.log2(errors[0] / errors[1]), 2.0,
+            allowed=0.15, of=1.0, source=SOURCE)  # fmt: skip
+
+
+PAIRS = [(0.1, 0.3, 0.0), (0.3, 0.1, 0.0), (0.3, 0.1, 30.0), (5.0, 0.2, -20.0)]
+
+
+@pytest.mark.parametrize(("mu", "across", "spin"), PAIRS)
+def test_oblique_pairs_leave_as_in_lammps(mu, across, spin, compare):
+    """Two spheres meet off their line, one of them spinning; sliding, in part, sticking."""
+    x = np.array([[0.0, 0.0, 0.0], [2.0 * SMALL.radius, 0.0, 0.0]])
+    v0 = np.array([[0.2, across, 0.0], [0.0, 0.0, 0.0]])
+    spin0 = np.array([[0.0, 0.0, spin], [0.0, 0.0, 0.0]])
+    packing = in_space(x, np.array([[0, 1]]), mu)
+    start = np.hstack([v0, spin0])
+    ours = space.march_to_error(packing, None, start, duration=6e-5, error=1e-5)
+    v, omega = lammps.packing_motion(
+        x, v0, spin0, SMALL, law=ROUGH_LAW.format(mu=mu), duration=6e-5, dt=2e-9
+    )
+    compare(f"pair at mu = {mu:g}, across {across:g} m/s, spin {spin:g} rad/s: velocities [V]",
+            ours.velocity[-1], v, allowed=2e-3, of=0.2, source=INCREMENTS)  # fmt: skip
+    compare(f"pair at mu = {mu:g}, across {across:g} m/s, spins at the surface [V]",
+            SMALL.radius * ours.angular_velocity[-1], SMALL.radius * omega,
+            allowed=2e-3, of=0.2, source=INCREMENTS)  # fmt: skip
+
+
+def test_a_crystal_with_friction_moves_as_in_lammps(compare):
+    x, pairs = crystal_of("hexagonal", (7, 8))
+    v0 = np.zeros_like(x)
+    v0[3] = [0.1, 0.25, 0.0]
+    ours = space.march_to_error(in_space(x, pairs, 0.3), None, v0, duration=1e-4, error=1e-4)
+    v, omega = lammps.packing_motion(
+        x, v0, np.zeros_like(x), SMALL, law=ROUGH_LAW.format(mu=0.3), duration=1e-4, dt=1e-8
+    )
+    compare("hexagonal crystal with friction: velocities [V]", ours.velocity[-1], v,
+            allowed=5e-3, of=0.27, source=INCREMENTS)  # fmt: skip
+    compare("hexagonal crystal with friction: spins at the surface [V]",
+            SMALL.radius * ours.angular_velocity[-1], SMALL.radius * omega,
+            allowed=5e-3, of=0.27, source=INCREMENTS)  # fmt: skip
