@@ -73,6 +73,8 @@ class SpaceMotion(NamedTuple):
     traction: Array  # (c, 3) [N] T on the first sphere
     depth: Array  # (c,) [m] overlap at which T was computed, < 0 for a gap
     bound: Array  # (c,) [N] of T then
+    stiffness: Array  # (c,) [N/m] against the way then; 0 of an open contact
+    compliance: Array  # (c,) [m/N] one over it; 0 of an open contact
     damper: Array  # (c, 3) [N] on the second sphere, with the dampers
     middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
     change: Array  # (s, 3) [m/s] that such a kick makes
@@ -304,10 +306,12 @@ def contact_forces(
         else:
             deepen(c, d, motion.lost, A, plastic)
             pressed = plastic_force(c, d, A, plastic)
-        along = pressed / r
+        unit = 1.0 / r
+        along = unit * pressed
         force[c, 0], force[c, 1], force[c, 2] = along * y0, along * y1, along * y2
         if friction is not None:
-            rub(c, drifted, d, pressed, (y0, y1, y2, r), motion, arrays, friction)
+            line = (unit * y0, unit * y1, unit * y2, r)
+            rub(c, drifted, d, pressed, line, motion, arrays, friction)
 
 
 @ieee_inline
@@ -321,20 +325,25 @@ def deepen(c: int, d: float, lost: Array, A: Array, plastic: Plastic) -> None:
 
 
 @ieee_inline
-def shear_stiffness(c: int, d: float, friction: Friction) -> float:
-    """Tangential stiffness [N/m] of contact c at the overlap d >= 0 [m], the spring in series with
-    it included."""
+def shear_stiffness(c: int, d: float, friction: Friction) -> tuple[float, float]:
+    """Tangential stiffness [N/m] of contact c at the overlap d > 0 [m], the spring in series with
+    it included, and one over it."""
     k = friction.stiffness[c] * math.sqrt(d)
-    return k / (1.0 + friction.residual[c] * k)
+    compliance = 1.0 / k
+    if friction.residual[c] != 0.0:
+        compliance += friction.residual[c]
+        k = 1.0 / compliance
+    return k, compliance
 
 
 @ieee_inline
 def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> None:
     """Friction of an open contact, the gap -d [m]: none; what its springs still held is heat."""
     T = motion.traction
-    if motion.depth[c] > 0.0:
+    if motion.stiffness[c] > 0.0:
         square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
-        motion.heat[c] += 0.5 * square / shear_stiffness(c, motion.depth[c], friction)
+        motion.heat[c] += 0.5 * square * motion.compliance[c]
+        motion.stiffness[c], motion.compliance[c] = 0.0, 0.0
     for axis in range(3):
         T[c, axis] = 0.0
         motion.moment[c, axis] = 0.0
@@ -347,15 +356,13 @@ def rub(
     motion: SpaceMotion, arrays: SpaceArrays, friction: Friction,
 ) -> None:  # fmt: skip
     """Friction of contact c after a drift [s] to the overlap d [m] under `pressed` [N]; `line` is
-    the vector between the centres and its length.
+    the unit vector between the centres and their distance.
 
     The velocities are those of the drift, so that the way is that of its middle: order 2.
     """
     i, j = arrays.first[c], arrays.second[c]
     v, spin, T = motion.v, motion.spin, motion.traction
-    y0, y1, y2, r = line
-    unit = 1.0 / r
-    e0, e1, e2 = unit * y0, unit * y1, unit * y2
+    e0, e1, e2, r = line
     reach = r if j >= 0 else arrays.length[c] - d  # of the two surfaces' arms together
 
     # relative velocity of the centres, turn of both surfaces, and twice their mean spin about e
@@ -368,9 +375,12 @@ def rub(
         w0, w1, w2 = w0 + v[j, 0], w1 + v[j, 1], w2 + v[j, 2]
         s0, s1, s2 = s0 + b * spin[j, 0], s1 + b * spin[j, 1], s2 + b * spin[j, 2]
         twist += spin[j, 0] * e0 + spin[j, 1] * e1 + spin[j, 2] * e2
-        p0, p1, p2 = y0 - drifted * w0, y1 - drifted * w1, y2 - drifted * w2
-        unit = 1.0 / math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
-        p0, p1, p2 = unit * p0, unit * p1, unit * p2
+        # its length but for the square of the turn
+        unit = 1.0 / (r - drifted * (w0 * e0 + w1 * e1 + w2 * e2))
+        p0, p1, p2 = (
+            unit * (r * e0 - drifted * w0), unit * (r * e1 - drifted * w1),
+            unit * (r * e2 - drifted * w2),
+        )  # fmt: skip
     elif j < -1 and drifted != 0.0:
         # modes swing in a drift: the mean velocity of the point, not that at its end
         k, now, before = -2 - j, motion.point, motion.pressed_point
@@ -381,12 +391,11 @@ def rub(
 
     # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
     # the squares of a step's turns, some 1e-12, are left out
-    half = 1.0 / (1.0 + p0 * e0 + p1 * e1 + p2 * e2)
     m0, m1, m2 = 0.5 * (p0 + e0), 0.5 * (p1 + e1), 0.5 * (p2 + e2)
     w0 -= s1 * m2 - s2 * m1
     w1 -= s2 * m0 - s0 * m2
     w2 -= s0 * m1 - s1 * m0
-    along = 2.0 * half * (w0 * m0 + w1 * m1 + w2 * m2)
+    along = w0 * m0 + w1 * m1 + w2 * m2
     w0, w1, w2 = w0 - along * m0, w1 - along * m1, w2 - along * m2
     along = w0 * e0 + w1 * e1 + w2 * e2
     g0, g1, g2 = (
@@ -395,8 +404,8 @@ def rub(
 
     # T turns with the pair: the least turn of the line, and its mean spin about it
     t0, t1, t2 = T[c, 0], T[c, 1], T[c, 2]
-    along = half * (t0 * e0 + t1 * e1 + t2 * e2)
-    t0, t1, t2 = t0 - along * (p0 + e0), t1 - along * (p1 + e1), t2 - along * (p2 + e2)
+    along = t0 * e0 + t1 * e1 + t2 * e2
+    t0, t1, t2 = t0 - along * m0, t1 - along * m1, t2 - along * m2
     twist *= 0.5 * drifted
     if twist != 0.0:
         scale = 1.0 / math.sqrt(1.0 + twist * twist)
@@ -411,9 +420,9 @@ def rub(
     if d0 < 0.0:
         closed = d / (d - d0)
         g0, g1, g2 = closed * g0, closed * g1, closed * g2
-        d0 = 0.0
-    k0, k1 = shear_stiffness(c, d0, friction), shear_stiffness(c, d, friction)
-    soft = 1.0 / k0 if k0 > 0.0 else 0.0
+    k0, soft = motion.stiffness[c], motion.compliance[c]
+    k1, compliance = shear_stiffness(c, d, friction)
+    motion.stiffness[c], motion.compliance[c] = k1, compliance
     x0, x1, x2 = soft * t0, soft * t1, soft * t2  # xi before
     square, p = t0 * t0 + t1 * t1 + t2 * t2, (t0, t1, t2)
     if k1 < k0:
@@ -428,7 +437,7 @@ def rub(
     if size > bound * bound:
         size, before = math.sqrt(size), math.sqrt(square)
         if before >= motion.bound[c] * (1.0 - 1e-9):
-            base = before * k1 / k0 if k1 < k0 else before
+            base = before * k1 * soft if k1 < k0 else before
             t0, t1, t2, along = swept(p, (g0, g1, g2), before, bound, k)
             size = base + k * along
         else:
@@ -436,8 +445,7 @@ def rub(
             t0, t1, t2 = scale * t0, scale * t1, scale * t2
         motion.heat[c] += larger(0.5 * (before + bound) * (size - bound) / k, 0.0)
     motion.bound[c] = bound
-    soft = 1.0 / k1
-    x0, x1, x2 = x0 + soft * t0, x1 + soft * t1, x2 + soft * t2
+    x0, x1, x2 = x0 + compliance * t0, x1 + compliance * t1, x2 + compliance * t2
     motion.heat[c] += 0.125 * (x0 * x0 + x1 * x1 + x2 * x2) * abs(k1 - k0)
     T[c, 0], T[c, 1], T[c, 2] = t0, t1, t2
     motion.depth[c] = d
@@ -905,7 +913,7 @@ def save_contacts(
         if friction is not None and d > 0.0:
             T = motion.traction
             square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
-            energy[TANGENTIAL] += 0.5 * square / shear_stiffness(c, d, friction)
+            energy[TANGENTIAL] += 0.5 * square * shear_stiffness(c, d, friction)[1]
         motion.damper[c, 0] = pressed  # room: for the forces on the structure
         energy[IN_CONTACTS] += motion.lost[c]
         energy[IN_FRICTION] += motion.heat[c]

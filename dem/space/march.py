@@ -316,7 +316,7 @@ def start(packing: Packing, v0: Array, structure: Structure | None) -> SpaceMoti
         v = np.einsum("ijk,ik->ij", packing.guides.motion, v)
     zeros = {name: np.zeros((s, 3)) for name in ("u", "spin", "middle", "change")}
     zeros |= {name: np.zeros((c, 3)) for name in ("force", "moment", "traction", "damper")}
-    zeros |= {name: np.zeros(c) for name in ("lost", "heat", "bound")}
+    zeros |= {name: np.zeros(c) for name in ("lost", "heat", "bound", "stiffness", "compliance")}
     points = 0 if structure is None else structure.n_points
     zeros |= {name: np.zeros((points, 3)) for name in POINTS}
     return SpaceMotion(v=np.ascontiguousarray(v), depth=packing.overlap.copy(), **zeros)
