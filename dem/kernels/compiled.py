@@ -83,7 +83,12 @@ def njit(*, inner: bool = False, **options) -> Callable:
 _ENTRY = {"error_model": "numpy"}
 _INNER = _ENTRY | {"inner": True}
 
+# a product and a sum in one operation: no order changes, a force in space takes a fifth less
+CONTRACT = {"contract"}
+
 ieee = njit(**_INNER, _nrt=False)
+contracted = njit(**_INNER, _nrt=False, fastmath=CONTRACT)
+contracted_inline = njit(**_INNER, _nrt=False, fastmath=CONTRACT, forceinline=True)
 fastmath = njit(**_INNER, _nrt=False, fastmath=FAST)
 ieee_inline = njit(**_INNER, _nrt=False, forceinline=True)
 fastmath_inline = njit(**_INNER, _nrt=False, fastmath=FAST, forceinline=True)

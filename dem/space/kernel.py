@@ -41,7 +41,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.dem.kernels.arguments import Array, Damping, ForceShape, Plastic, Steps
-from beadwave.dem.kernels.compiled import fastmath, ieee, ieee_inline, ieee_march
+from beadwave.dem.kernels.compiled import (
+    contracted,
+    contracted_inline,
+    fastmath,
+    ieee,
+    ieee_inline,
+    ieee_march,
+)
 from beadwave.dem.kernels.laws import (
     contact_stiffness,
     damper_coefficient,
@@ -251,7 +258,7 @@ def push(
         push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.leaf, parts.modes)
 
 
-@ieee_inline
+@contracted_inline
 def stretch(
     c: int, u: Array, point: Array, arrays: SpaceArrays
 ) -> tuple[float, float, float, float, float]:
@@ -272,7 +279,7 @@ def stretch(
     return twice / (r + arrays.length[c]), y0, y1, y2, r
 
 
-@ieee_inline
+@contracted_inline
 def in_series(
     c: int, gap: float, arrays: SpaceArrays, shape: ForceShape | None, plastic: Plastic | None
 ) -> float:
@@ -284,7 +291,7 @@ def in_series(
     return elastic_indentation(c, gap, s, arrays.A, shape)
 
 
-@ieee
+@contracted
 def contact_forces(
     low: int, high: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays,
     shape: ForceShape | None, plastic: Plastic | None, friction: Friction | None,
@@ -324,7 +331,7 @@ def deepen(c: int, d: float, lost: Array, A: Array, plastic: Plastic) -> None:
         lost[c] += now - before
 
 
-@ieee_inline
+@contracted_inline
 def shear_stiffness(c: int, d: float, friction: Friction) -> tuple[float, float]:
     """Tangential stiffness [N/m] of contact c at the overlap d > 0 [m], the spring in series with
     it included, and one over it."""
@@ -336,7 +343,7 @@ def shear_stiffness(c: int, d: float, friction: Friction) -> tuple[float, float]
     return k, compliance
 
 
-@ieee_inline
+@contracted_inline
 def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> None:
     """Friction of an open contact, the gap -d [m]: none; what its springs still held is heat."""
     T = motion.traction
@@ -350,7 +357,7 @@ def open_contact(c: int, d: float, motion: SpaceMotion, friction: Friction) -> N
     motion.depth[c], motion.bound[c] = d, 0.0
 
 
-@ieee_inline
+@contracted_inline
 def rub(
     c: int, drifted: float, d: float, pressed: float, line: tuple[float, float, float, float],
     motion: SpaceMotion, arrays: SpaceArrays, friction: Friction,
@@ -370,17 +377,10 @@ def rub(
     a, b = reach * arrays.share[c, 0], reach * arrays.share[c, 1]
     s0, s1, s2 = a * spin[i, 0], a * spin[i, 1], a * spin[i, 2]
     twist = spin[i, 0] * e0 + spin[i, 1] * e1 + spin[i, 2] * e2
-    p0, p1, p2 = e0, e1, e2  # the line before the drift
     if j >= 0:
         w0, w1, w2 = w0 + v[j, 0], w1 + v[j, 1], w2 + v[j, 2]
         s0, s1, s2 = s0 + b * spin[j, 0], s1 + b * spin[j, 1], s2 + b * spin[j, 2]
         twist += spin[j, 0] * e0 + spin[j, 1] * e1 + spin[j, 2] * e2
-        # its length but for the square of the turn
-        unit = 1.0 / (r - drifted * (w0 * e0 + w1 * e1 + w2 * e2))
-        p0, p1, p2 = (
-            unit * (r * e0 - drifted * w0), unit * (r * e1 - drifted * w1),
-            unit * (r * e2 - drifted * w2),
-        )  # fmt: skip
     elif j < -1 and drifted != 0.0:
         # modes swing in a drift: the mean velocity of the point, not that at its end
         k, now, before = -2 - j, motion.point, motion.pressed_point
@@ -388,24 +388,26 @@ def rub(
         w0 += unit * (now[k, 0] - before[k, 0])
         w1 += unit * (now[k, 1] - before[k, 1])
         w2 += unit * (now[k, 2] - before[k, 2])
-
-    # way of the surfaces over each other, across the line in its middle (p + e) / 2 and across e;
-    # the squares of a step's turns, some 1e-12, are left out
-    m0, m1, m2 = 0.5 * (p0 + e0), 0.5 * (p1 + e1), 0.5 * (p2 + e2)
-    w0 -= s1 * m2 - s2 * m1
-    w1 -= s2 * m0 - s0 * m2
-    w2 -= s0 * m1 - s1 * m0
-    along = w0 * m0 + w1 * m1 + w2 * m2
-    w0, w1, w2 = w0 - along * m0, w1 - along * m1, w2 - along * m2
     along = w0 * e0 + w1 * e1 + w2 * e2
-    g0, g1, g2 = (
-        drifted * (w0 - along * e0), drifted * (w1 - along * e1), drifted * (w2 - along * e2)
-    )  # fmt: skip
+    w0, w1, w2 = w0 - along * e0, w1 - along * e1, w2 - along * e2
+
+    # the line in the middle of the drift is e - q; to a plane it stays. The squares of a step's
+    # turns, some 1e-12, are left out
+    turn = 0.5 * drifted / (r - drifted * along) if j >= 0 else 0.0
+    q0, q1, q2 = turn * w0, turn * w1, turn * w2
+
+    # way of the surfaces over each other, across that line and across e:  w - s x (e - q)
+    grown = 1.0 + turn * along
+    about = s0 * e0 + s1 * e1 + s2 * e2
+    g0 = grown * w0 - (s1 * e2 - s2 * e1) + about * (e1 * q2 - e2 * q1)
+    g1 = grown * w1 - (s2 * e0 - s0 * e2) + about * (e2 * q0 - e0 * q2)
+    g2 = grown * w2 - (s0 * e1 - s1 * e0) + about * (e0 * q1 - e1 * q0)
+    g0, g1, g2 = drifted * g0, drifted * g1, drifted * g2
 
     # T turns with the pair: the least turn of the line, and its mean spin about it
     t0, t1, t2 = T[c, 0], T[c, 1], T[c, 2]
     along = t0 * e0 + t1 * e1 + t2 * e2
-    t0, t1, t2 = t0 - along * m0, t1 - along * m1, t2 - along * m2
+    t0, t1, t2 = t0 - along * (e0 - q0), t1 - along * (e1 - q1), t2 - along * (e2 - q2)
     twist *= 0.5 * drifted
     if twist != 0.0:
         scale = 1.0 / math.sqrt(1.0 + twist * twist)
@@ -458,7 +460,7 @@ def rub(
     motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
 
 
-@ieee
+@contracted
 def swept(
     T: tuple[float, float, float], way: tuple[float, float, float], before: float, bound: float,
     k: float,
@@ -491,7 +493,7 @@ def swept(
     )  # fmt: skip
 
 
-@ieee
+@contracted
 def push_spheres(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
     guides: Guides | None, load: Array | None, leaf: Array | None,
@@ -520,7 +522,7 @@ def push_spheres(
         v[i, 2] += scale * f2
 
 
-@ieee
+@contracted
 def push_spins(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
     friction: Friction | None, guides: Guides | None,
@@ -546,7 +548,7 @@ def push_spins(
         spin[i, 2] += scale * m2
 
 
-@ieee_inline
+@contracted_inline
 def drawn_back(
     i: int, f0: float, f1: float, f2: float, u: Array, leaf: Array
 ) -> tuple[float, float, float]:
@@ -555,7 +557,7 @@ def drawn_back(
     return f0 - k * u[i, 0], f1 - k * u[i, 1], f2 - k * u[i, 2]
 
 
-@ieee_inline
+@contracted_inline
 def projected(P: Array, i: int, f0: float, f1: float, f2: float) -> tuple[float, float, float]:
     """P_i f, of the projectors P (s, 3, 3)."""
     return (
@@ -634,7 +636,7 @@ def drift_structure(k: int, motion: SpaceMotion, modes: StructureModes | None) -
     along_directions(modes.v, motion.point_v, modes)
 
 
-@ieee
+@contracted
 def drift_spheres(low: int, high: int, drift: float, motion: SpaceMotion) -> None:
     """Free flight of the spheres from `low` to `high` over `drift` [s]."""
     u, v = motion.u, motion.v
