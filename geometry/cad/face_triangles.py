@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from skfem import MeshTri
 
 from beadwave.geometry.cad.solids import Body
 from beadwave.geometry.own_mesh.facets import triangles
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 ACROSS = 12.0  # triangles along the diagonal of a body, curved faces have more; chosen by eye
 
 
-def face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
+def drawn_face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64]]:
     """Corners (n, 3, 3) [m] of the triangles of each face, by its tag.
 
     To be called in the bodies' ``with model(...)``, before touching bodies split each other's
@@ -54,3 +55,11 @@ def own_face_triangles(own: OwnMesh) -> dict[str, dict[int, NDArray[np.float64]]
         tag = skin.tag if width == 3 else np.tile(skin.tag, 2)
         corners_of[name] = {int(label): corners[tag == label] for label in np.unique(tag)}
     return corners_of
+
+
+def surface(triangles: Mapping[int, NDArray[np.float64]]) -> MeshTri:
+    """The triangles (n, 3, 3) [m] of a body's faces as one mesh in space, in which nodes within a
+    nanometre are one."""
+    corners = np.concatenate([*triangles.values()]).reshape(-1, 3)
+    points, cells = np.unique(corners.round(9), axis=0, return_inverse=True)
+    return MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(cells.reshape(-1, 3).T))

@@ -27,9 +27,18 @@ from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import Body
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, failing
-from beadwave.geometry.meshing.hexahedra import hexahedra
+from beadwave.geometry.meshing.hexahedra import hexahedra, prisms
 from beadwave.geometry.meshing.roundness import enclosing, full_cylinders, rimmed
-from beadwave.geometry.meshing.sizes import GRADING, Size, Sizes, circle_radii, mesh_visible
+from beadwave.geometry.meshing.sizes import (
+    GRADING,
+    N_SAMPLED,
+    Size,
+    Sizes,
+    circle_radii,
+    curvatures,
+    mesh_visible,
+    size_at,
+)
 from beadwave.geometry.own_mesh.facets import facets_of
 
 TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
@@ -43,6 +52,7 @@ INNER_NODES = {"hex": 3.9, "tet": 5.6}
 OUTER_NODES = {"hex": 4.0, "tet": 11.2}
 CYLINDER_NODES = 12.0  # nodes of tetrahedra over area / s^2, at a cylinder
 CIRCLE_NODES = 45.0  # the same in the space around a circle, in which they grow
+POINT_NODES = 35.0  # the same in the half-space at a fine point of the surface
 MAX_NODES = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
 
 DEFAULT = Sizes()
@@ -173,8 +183,8 @@ def tetrahedra(
 
 
 def foreseen_nodes(body: Body, size: Size, element: str) -> float:
-    """Estimated number of nodes with elements "hex" or "tet", within a factor of 2; imprints and
-    fine points are left out.
+    """Estimated number of nodes with elements "hex" or "tet", within a factor of 2; imprints are
+    left out.
 
     The module's formula: nodes of the inside go with V / s^3, those near the surface with A / s^2,
     and each cylinder adds what its finer elements have more.
@@ -194,10 +204,31 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
             if not face.hollow:  # inside a pin there is no room for more
                 rings = min(rings, EDGES_AROUND / (4 * pi))
             around += edges * rings * (4 * max(1, round(length / seed)) + 3)
+    fine = [f for f in size.fine if f.size < seed]
     if element == "tet":
-        # around a small circle sizes grow, h = c + G d: the integral of d^2 / h^3 up to the seed
-        for radius in circle_radii(face.tag for face in body.faces).values():
-            share = min(1.0, 2 * pi * radius / EDGES_AROUND / seed)
-            grown = -log(share) + 2 * share - share**2 / 2 - 3 / 2
-            around += CIRCLE_NODES * grown / GRADING**3
+        for face in (f for f in body.faces if f.normal is None and f.axis is None):
+            on_face = 2 * pi / EDGES_AROUND / np.maximum(curvatures(face.tag), 1e-12)
+            finer = np.maximum(0.0, 1 / on_face**2 - 1 / seed**2)
+            around += CYLINDER_NODES * face.area * finer.mean()
+        radii = circle_radii(face.tag for face in body.faces).values()
+        around += CIRCLE_NODES * sum(_grown(2 * pi * r / EDGES_AROUND / seed) for r in radii)
+        around += POINT_NODES * sum(_grown(f.size / seed) for f in fine)
+    elif fine:
+        # layers, and lines of a grid, are fine from end to end; a base of another outline is fine
+        # around the point alone
+        prism = next(prisms(body))
+        is_box = len(body.faces) == len(prism.base + prism.top) + 4
+        for axis in np.eye(3) if is_box else [prism.axis]:
+            ends = np.sort([body.lower @ axis, body.upper @ axis])
+            x = np.linspace(*ends, N_SAMPLED)
+            varied = np.trapezoid(1 / size_at(size, x, axis), x)
+            n *= max(1.0, varied) / max(1.0, np.ptp(ends) / seed)
     return n + around
+
+
+def _grown(share: float) -> float:
+    """Integral of d^2 / h^3 over the distance d, in which sizes h = c + G d grow from c, this share
+    of the seed, to the seed."""
+    if share >= 1:
+        return 0.0
+    return (-log(share) + 2 * share - share**2 / 2 - 3 / 2) / GRADING**3

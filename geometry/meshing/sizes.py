@@ -190,6 +190,15 @@ def circle_radii(faces: Iterable[int]) -> dict[int, float]:
     return radii
 
 
+def curvatures(face: int, n: int = 6) -> NDArray[np.float64]:
+    """Largest curvature [1/m] of a face at the middles of n by n parts of its parameters."""
+    lower, upper = gmsh.model.getParametrizationBounds(2, face)
+    at = (np.arange(n) + 0.5) / n
+    u, v = (a + (b - a) * at for a, b in zip(lower, upper, strict=True))
+    places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1)
+    return np.asarray(gmsh.model.getCurvature(2, face, places))
+
+
 def edges_of(faces: Iterable[int], kind: str) -> list[int]:
     """Tags of the edges of faces that are of gmsh's type `kind`, in their order."""
     edges = {tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]}

@@ -217,10 +217,20 @@ def test_a_look_at_the_rig_tells_what_it_is_made_of(capsys):
 )
 def test_a_look_foretells_the_unknowns_of_a_run(name):
     """To 2 %: corners of a tied face that lie on a held one are counted twice."""
-    seen = look(name).found
+    seen = look(name, mesh=True).found
     unknowns = pipeline_of(scene(name), lambda name: nullcontext())("model").K.shape[0]
     assert seen.unknowns == pytest.approx(unknowns, rel=0.02)
     assert seen.unknowns < 0.99 * seen.dofs
+
+
+@pytest.mark.parametrize("name", ["cantilever", "plate-on-bolts", "bolted-plates", "two-chains"])
+def test_a_look_without_a_mesh_foretells_its_dofs_within_a_factor_of_two(name):
+    foreseen, counted = look(name).found, look(name, mesh=True).found
+    assert (foreseen.meshed, counted.meshed) == (False, True)
+    for before, after in zip(foreseen.bodies, counted.bodies, strict=True):
+        assert 0.5 < before.dofs / after.dofs < 2
+    assert 0.4 < foreseen.seconds / counted.seconds < 2.5
+    assert foreseen.joints == counted.joints
 
 
 def test_a_look_at_a_scene_that_a_run_refuses_says_so_and_goes_on(capsys):
@@ -314,7 +324,7 @@ def test_a_look_counts_the_elements_that_the_scene_asks_for(step, capsys):
     counted = {}
     for element in ("hex", "tet"):
         change = f"mesh.element={element}"
-        assert beadwave("look", "slabs.toml", f"--set={change}", "--json") == 0
+        assert beadwave("look", "slabs.toml", f"--set={change}", "--mesh", "--json") == 0
         counted[element] = json.loads(capsys.readouterr().out)["dofs"]
         built = pipeline_of(scene("slabs.toml", (change,)), lambda name: nullcontext())
         made = 3 * sum(mesh.nvertices + mesh.nedges for mesh in built("mesh").meshes.values())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from beadwave.geometry.cad.selectors import faces
+from beadwave.geometry.drawing import face_triangles
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.stages.structure.bodies import drawing
 from beadwave.workflows.structure.face_page import face_page
@@ -23,7 +24,7 @@ BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 @pytest.fixture(scope="module")
 def html():
     with drawing(scene("rig-rom"), lines=False) as geometry:
-        return face_page("rig", geometry)
+        return face_page("rig", geometry.bodies, face_triangles(geometry))
 
 
 def rows_of(html):

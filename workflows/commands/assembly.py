@@ -55,7 +55,7 @@ def modes(
 
 @verb(
     "beadwave.workflows.structure.api.look",
-    json="{bodies, touching, holes, dofs, memory_bytes, seconds, remarks}",
+    json="{bodies, touching, holes, meshed, dofs, unknowns, memory_bytes, seconds, remarks}",
     source=Word(metavar="FILE.step|SCENE", completes=scene_names),
     starter=Word(name="--scene"),
 )

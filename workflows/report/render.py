@@ -68,6 +68,7 @@ class Fixtures(NamedTuple):
     """Things that a picture shows besides the meshes."""
 
     bodies: list[str]
+    elements: bool = True  # whether the cells of bodies are elements
     strike: list[float] | None = None  # point struck and direction of the force (6,)
     spheres: Sequence[float] = ()  # radii [m], from the wall on
     joints: Sequence[tuple[str, list[float], list[float]]] = ()  # name, centre (3,), axis (3,)
@@ -242,7 +243,12 @@ def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
     for i in range(len(names)):
         body = grid.extract_cells(grid.cell_data["body"] == i).extract_surface(algorithm=None)
         colour = STEEL[i % len(STEEL)]
-        plotter.add_mesh(body, color=colour, show_edges=True, edge_color="#404040", **MATT)
+        # the triangles of a body without a mesh are no elements: its own edges are shown
+        drawn = {"show_edges": fixtures.elements, "edge_color": "#404040"}
+        plotter.add_mesh(body, color=colour, **drawn, **MATT)
+        if not fixtures.elements:
+            edges = body.extract_feature_edges(EDGE_ANGLE)
+            plotter.add_mesh(edges, color="#404040", line_width=1.5)
 
         # points close enough on every facet to hide what is behind it
         triangles = body.triangulate()

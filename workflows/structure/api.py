@@ -62,9 +62,14 @@ class LookReport:
         """The bodies, a colour and a name each; of a scene with chain, joints and held faces."""
         from beadwave.workflows.stages.pages.pictures import picture_of, picture_of_parts
 
-        if self.seen.parts is not None:
-            return picture_of_parts(self.seen.scene, self.seen.parts)
-        return picture_of(self.seen.meshes)
+        seen = self.seen
+        if seen.parts is not None:
+            return picture_of_parts(seen.scene, seen.parts)
+        if not seen.surfaces:
+            from beadwave.workflows.structure.look import look
+
+            seen = look(seen.scene, seen.look.name, whole=seen.whole, pictured=True)
+        return picture_of(seen.surfaces, seen.fixtures)
 
     def __repr__(self) -> str:
         return self.found.text()
@@ -74,6 +79,7 @@ def look(
     source: Source,
     changes: Changes = (),
     *,
+    mesh: bool = False,
     starter: str | Path | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
@@ -82,6 +88,8 @@ def look(
     """Bodies, masses, touching pairs, holes and the size of the mesh (`beadwave look`).
 
     source   a STEP file, or a scene with an assembly
+    mesh     make the mesh, which counts its nodes, shows springs and masses in the picture, and
+             refuses what cannot be meshed
     starter  write a scene of the STEP file to start from
     out      folder for the picture with the names, and for faces.html, on which a click on a face
              shows the selectors that pick it
@@ -104,8 +112,10 @@ def look(
         folder.require("faces.html")
     with progress("look"):
         title = str(source) if path else scene.name
-        whole, page = not is_step, folder is not None
-        glance = looking.look(with_assembly(scene), title, whole=whole, with_page=page)
+        glance = looking.look(
+            with_assembly(scene), title, whole=not is_step, meshed=mesh,
+            with_starter=file is not None, pictured=folder is not None,
+        )  # fmt: skip
         result = LookReport(glance.look, glance)
         if folder:
             write_pictures(folder, (result.plot(),))

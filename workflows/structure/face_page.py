@@ -1,29 +1,27 @@
 """A page on which a click on a face shows the selectors that pick it (`beadwave look --out`)."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from beadwave.geometry.cad.selectors import faces
 from beadwave.geometry.cad.solids import ALIGNED, Body, Face
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.workflows.report.report import harmless_json, in_one_file
-from beadwave.workflows.stages.structure.bodies import Drawing
 
 
-def face_page(name: str, geometry: Drawing) -> str:
-    """HTML of all faces as triangles with the selectors that pick each; to be called while the
-    drawing is open, since selectors are tried on its bodies."""
-    from beadwave.geometry.cad.face_triangles import face_triangles, own_face_triangles
-
-    if geometry.own:
-        triangles = own_face_triangles(geometry.own)
-    else:
-        by_tag = face_triangles(geometry.bodies.values())
-        triangles = dict.fromkeys(geometry.bodies, by_tag)
+def face_page(
+    name: str,
+    bodies: Mapping[str, Body],
+    triangles: Mapping[str, Mapping[int, NDArray[np.float64]]],
+) -> str:
+    """HTML of all faces as `triangles`, by body and tag, with the selectors that pick each; to be
+    called while the drawing is open, since selectors are tried on its bodies."""
     rows: list[dict[str, Any]] = []
-    for body in geometry.bodies.values():
+    for body in bodies.values():
         for face in body.faces:
             corners = triangles[body.name][face.tag]
 
@@ -35,7 +33,7 @@ def face_page(name: str, geometry: Drawing) -> str:
             picked = []
             for text in words(body, face, point):
                 try:
-                    tags = faces(text, geometry.bodies).tags
+                    tags = faces(text, bodies).tags
                 except InvalidGeometry:
                     continue
                 if face.tag in tags:

@@ -2,19 +2,25 @@
 
 from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
 from skfem import Mesh
 
+from beadwave.geometry import InvalidGeometry
+from beadwave.geometry.cad.face_triangles import surface
+from beadwave.geometry.cad.joints import picked
+from beadwave.geometry.drawing import Drawing, face_triangles, nodes_foreseen, nodes_of
+from beadwave.geometry.drawing import meshed as drawn_meshes
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.body_shapes import grid_lines, shapes
+from beadwave.workflows.scene.body_shapes import grid_lines
 from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory
 from beadwave.workflows.scene.toml import resolved
+from beadwave.workflows.stages.pages.pictures import fixtures_of_faces
 from beadwave.workflows.stages.structure.assembly import mesh
-from beadwave.workflows.stages.structure.bodies import Drawing, drawing
+from beadwave.workflows.stages.structure.bodies import drawing, placed, sizing_of, words
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.warnings import overloaded_bolts
 from beadwave.workflows.structure.face_page import face_page
@@ -26,7 +32,8 @@ ENDINGS = (".step", ".stp")
 
 
 class SeenBody(BaseModel):
-    """A body; its sides are those of the box around it, its dofs those of a mesh that was made."""
+    """A body; its sides are those of the box around it, its dofs those of the mesh, without one
+    about so many."""
 
     name: str
     sides_m: tuple[float, float, float]
@@ -93,7 +100,8 @@ class Look(BaseModel):
     springs: list[SeenSpring] = []
     measured: list[SeenPart] = []
     joints: list[JointRow] = []  # those that are known from their drawing
-    dofs: int  # of the meshes
+    meshed: bool  # whether the dofs are those of meshes; else within a factor of 2
+    dofs: int
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
     seconds: float
@@ -110,7 +118,8 @@ class Look(BaseModel):
         for body in self.bodies:
             sides = " x ".join(f"{1e3 * side:.5g}" for side in body.sides_m)
             mass = None if body.mass_kg is None else f"{body.mass_kg:.4g}"
-            cells.append((body.name, sides, mass, body.dofs, body.material))
+            dofs = body.dofs if self.meshed else float(f"{body.dofs:.1e}")
+            cells.append((body.name, sides, mass, f"{dofs:.0f}", body.material))
         lines += [aligned_text(head, cells)]
 
         if self.touching:
@@ -156,22 +165,27 @@ class Look(BaseModel):
             lines += ["", joints_text(self.joints)]
 
         seconds = float(f"{self.seconds:.2g}")
-        left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
-        cost = (
-            f"{self.dofs:,} dofs{left}; modes and reduction take some {seconds:g} s of one core "
-            f"and {self.memory_bytes / 1e9:.2g} GB, within a factor of 2"
+        price = (
+            f"modes and reduction take some {seconds:g} s of one core and "
+            f"{self.memory_bytes / 1e9:.2g} GB, within a factor of 2"
         )
-        return "\n".join([*lines, "", cost, *self.remarks])
+        if not self.meshed:
+            cost = f"Some {float(f'{self.dofs:.1e}'):,.0f} dofs, foreseen without a mesh; {price}."
+            return "\n".join([*lines, "", cost, *self.remarks])
+        left = f", some {self.unknowns:,} once joined and held" if self.unknowns else " in all"
+        return "\n".join([*lines, "", f"{self.dofs:,} dofs{left}; {price}", *self.remarks])
 
 
 class LookContents(NamedTuple):
-    """The report, the meshes for a picture, and a scene to start from."""
+    """The report, what a picture shows, and a scene to start from."""
 
     look: Look
     scene: Scene
-    meshes: dict[str, Mesh]
-    parts: Parts | None  # what a run has; None where the scene lacks what a run needs
-    starter: str | None  # TOML; None where no face offers itself to the chain
+    whole: bool  # not of bodies alone
+    parts: Parts | None  # what a run has; None without a mesh
+    surfaces: dict[str, Mesh]  # of the bodies, in triangles; of those that are meshed none
+    fixtures: dict[str, Any]  # drawn besides the surfaces
+    starter: str | None  # TOML; None where none was asked for or no face offers itself to the chain
     page: str | None  # HTML, on which a click on a face shows its selectors
 
 
@@ -182,11 +196,17 @@ def of_file(path: Path) -> Scene:
     return resolved(tables, str(path))
 
 
-def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = False) -> LookContents:
-    """Bodies, pairs and holes of a scene, from its geometry alone and a mesh as a run has it, and
-    the page of its faces; not `whole` is what has bodies alone, as a STEP file."""
-    parts, refusal = None, []
-    if whole:
+def look(
+    scene: Scene, source: str, *, whole: bool = True, meshed: bool = False,
+    with_starter: bool = False, pictured: bool = False,
+) -> LookContents:  # fmt: skip
+    """Bodies, pairs and holes of a scene from its geometry, `meshed` with the mesh that a run has;
+    a scene to start from and the page of its faces where they are asked for. Not `whole` is what
+    has bodies alone, as a STEP file."""
+    parts, chosen, refusal = None, None, []
+    # a mesh of the user's, and one between prescribed grid lines, cost nothing
+    meshed = meshed or bool(scene.assembly.mesh or grid_lines(scene, scene.mesh.scale))
+    if whole and meshed:
         try:
             parts = mesh(scene)
         except InvalidScene as why:
@@ -194,17 +214,35 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
 
     # holes and remarks need the CAD kernel, whose session ends with the context
     with drawing(scene, lines=False) as geometry:
-        holes, start, remarks = (
-            _holes(geometry),
-            starter(geometry, Path(source), scene.assembly.gap),
-            _remarks(geometry) + refusal,
-        )
-        # meshing parts faces that touch in part, so that the page has them first
-        page = face_page(source, geometry) if with_page else None
-        meshes = _meshes(scene, geometry) if parts is None else parts.meshes
+        if whole and not meshed:
+            try:
+                chosen = placed(scene, geometry)
+            except (InvalidScene, InvalidGeometry) as why:
+                at = "" if isinstance(why, InvalidScene) else f"{scene.name}: "
+                refusal = [f"A run refuses this scene: {at}{why}"]
+        holes = _holes(geometry)
+        remarks = _remarks(geometry) + refusal
+        start = starter(geometry, Path(source), scene.assembly.gap) if with_starter else None
+        page, surfaces, fixtures = None, {}, {}
+        if pictured:
+            triangles = face_triangles(geometry)
+            page = face_page(source, geometry.bodies, triangles)
+            if parts is None:
+                surfaces = {name: surface(of_faces) for name, of_faces in triangles.items()}
+                fixtures = fixtures_of_faces(scene, chosen, triangles) if chosen else {}
+                fixtures["elements"] = False
 
-    # nodes of quadratic elements: corners and edges
-    nodes = {name: float(skin.nvertices + skin.nedges) for name, skin in meshes.items()}
+        # a mesh comes last: it parts faces that touch in part
+        sizing = chosen.sizing if chosen else sizing_of(scene, geometry)
+        if meshed and not whole:
+            pairs = geometry.near.touching
+            nothing = picked(words(scene), geometry.bodies, pairs, scene.assembly.gap)
+            fixtures, (surfaces, _) = {}, drawn_meshes(geometry, nothing, pairs, {}, sizing)
+            nodes = nodes_of(surfaces)
+        else:
+            nodes = parts.nodes if parts else nodes_foreseen(geometry, sizing)
+
+    counted = parts is not None or geometry.own is not None or (meshed and not whole)
     bodies = []
     for name, body in geometry.bodies.items():
         material = scene.material_name(body.name)
@@ -227,7 +265,8 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
         for one in scene.masses or ()
         if (carrying := mass_of.get(one.on.partition(":")[0])) and one.mass > carrying
     ]
-    joints = joint_rows(parts.bolted) if parts else []
+    bolted = parts.bolted if parts else tuple(chosen.bolted.values()) if chosen else ()
+    joints = joint_rows(bolted)
     overloaded = [*overloaded_bolts({row.name: row.utilisation for row in joints})]
     dofs = int(3 * sum(nodes.values()))
     chosen = []
@@ -254,13 +293,14 @@ def look(scene: Scene, source: str, *, whole: bool = True, with_page: bool = Fal
             )
             for one in scene.springs or ()
         ],
+        meshed=counted,
         dofs=dofs,
-        unknowns=None if parts is None else dofs - constrained_dofs(parts),
+        unknowns=(dofs - constrained_dofs(parts)) if parts else dofs if whole else None,
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
         remarks=remarks + heavy + overloaded + chosen,
     )
-    return LookContents(report, scene, meshes, parts, start, page)
+    return LookContents(report, scene, whole, parts, surfaces, fixtures, start, page)
 
 
 def constrained_dofs(parts: Parts) -> int:
@@ -299,27 +339,6 @@ def _seen_parts(scene: Scene) -> list[SeenPart]:
             )
         )  # fmt: skip
     return seen
-
-
-def _meshes(scene: Scene, geometry: Drawing) -> dict[str, Mesh]:
-    """Meshes of the bodies, as a run has them but for what is struck, held and bolted."""
-    if geometry.own:
-        return {name: skin.mesh for name, skin in geometry.own.skins.items()}
-    if lines := grid_lines(scene, scene.mesh.scale):
-        from beadwave.geometry.meshing.lined_blocks import lined_meshes
-
-        seeds = {name: scene.mesh.scale * scene.seed_of(name) for name in lines}
-        return lined_meshes(shapes(scene), lines, seeds)
-    from beadwave.geometry.meshing.body_mesh import body_meshes
-    from beadwave.geometry.meshing.sizes import Sizes, default_seeds
-
-    usual = default_seeds(geometry.bodies)
-    seeds = {name: scene.mesh.scale * (scene.seed_of(name) or usual[name]) for name in usual}
-    # with the outlines of partners on each other, where elements are as small as in a run
-    return body_meshes(
-        geometry.bodies, geometry.near.touching, gap=scene.assembly.gap, sizes=Sizes(seeds),
-        element=scene.mesh.element,
-    )  # fmt: skip
 
 
 def _holes(geometry: Drawing) -> list[SeenHole]:

@@ -4,7 +4,7 @@ Where no graphics library is installed, pyvista ends its process with a segmenta
 `try` can catch.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from json import dumps
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,12 +18,14 @@ from beadwave import fem
 from beadwave.fem.contact.impact_point import SurfacePoint, plane_spot
 from beadwave.fem.modes import mode_field as field_file
 from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.geometry.cad.struck_face import Struck
 from beadwave.workflows.files.child import child
 from beadwave.workflows.files.run_folder import NoPicture, Picture
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.scene.places import mass_face, part_face, spring_face
 from beadwave.workflows.scene.tables.bodies import GROUND
 from beadwave.workflows.stages.errors.mesh_error import MeshErrorEstimate
+from beadwave.workflows.stages.structure.bodies import Placed
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
@@ -59,23 +61,48 @@ def _struck(contact: fem.ContactPatch) -> list[float]:
 def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:
     """Picture of the meshed assembly with the chain, and what joins and holds it; raises
     NoPicture."""
-    spheres = []
-    if scene.chain is not None:
-        spheres = np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
-    return _rendered(_at_rest(mesh.meshes), fixtures(scene, mesh) | {"spheres": spheres})[0]
+    return picture_of(mesh.meshes, fixtures(scene, mesh) | {"spheres": _spheres(scene)})
 
 
-def picture_of(meshes: dict[str, Mesh]) -> Picture:
-    """Picture of the meshes of bodies, each in a colour; raises NoPicture."""
-    return _rendered(_at_rest(meshes), {})[0]
+def picture_of(meshes: dict[str, Mesh], shown: dict[str, Any]) -> Picture:
+    """Picture of the meshes of bodies, or of their surfaces, each in a colour, with the fixtures
+    shown; raises NoPicture."""
+    return _rendered(_at_rest(meshes), shown)[0]
+
+
+def fixtures_of_faces(
+    scene: Scene, chosen: Placed, triangles: Mapping[str, Mapping[int, NDArray[np.float64]]]
+) -> dict[str, Any]:
+    """Chain, joints and held faces of bodies that are not meshed, from the triangles of their faces
+    by body and tag."""
+    places, held = chosen.selection.joints, []
+    for i, _ in enumerate(scene.assembly.holds, start=1):
+        face = chosen.selection.faces[f"held-{i}"]
+        held += [corners for tag in face.tags for corners in triangles[face.body][tag].tolist()]
+    return {
+        "strike": None if chosen.struck is None else _hit(chosen.struck),
+        "spheres": _spheres(scene),
+        "joints": [(place.joint, place.centre.tolist(), place.axis.tolist()) for place in places],
+        "held": held,
+    }
+
+
+def _spheres(scene: Scene) -> list[float]:
+    """Radii [m] of the chain from its last sphere on."""
+    if scene.chain is None:
+        return []
+    return np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
+
+
+def _hit(struck: Struck) -> list[float]:
+    """The point struck and the direction of the force (6,)."""
+    inward = -struck.outward / np.linalg.norm(struck.outward)
+    return [*struck.point.tolist(), *inward.tolist()]
 
 
 def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
     """Things that `report.render` draws besides the meshes, for JSON."""
-    strike, joints = None, []
-    if mesh.struck is not None:
-        outward = mesh.struck.outward / np.linalg.norm(mesh.struck.outward)
-        strike = [*mesh.struck.point.tolist(), *(-outward).tolist()]
+    joints = []
     for joint in mesh.connections.joints:
         corners = np.concatenate(_facets(mesh, joint.first.face))
         # along the normal of a plane face, along the joint's z of another, as of a bore
@@ -83,7 +110,7 @@ def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
         axis = axes[2] if spread[2] < 1e-6 * spread[0] else joint.frame[2]
         joints.append((joint.name, joint.centre.tolist(), axis.tolist()))
     return {
-        "strike": strike,
+        "strike": None if mesh.struck is None else _hit(mesh.struck),
         "joints": joints,
         "held": [
             facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)

@@ -2,13 +2,13 @@
 
 drawing     the bodies in the CAD kernel or in the user's mesh, and which of them touch
 words       the faces and bodies that the scene names, as text for `geometry.cad.joints.picked`
-placed      what these words pick, and the sizes of elements
+placed      what these words pick, and sizing_of the sizes of elements
 parts       the bodies meshed, and what joins, holds and loads them
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
 from beadwave.geometry.cad.selectors import FaceSelection
-from beadwave.geometry.cad.solids import Body
+from beadwave.geometry.cad.solids import Body, Vector
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
@@ -145,22 +145,32 @@ def placed(
     if face:
         named[STRIKE] = face.face
 
-    sizing = Sizing(
-        gap,
-        scene.mesh.scale,
-        {name: scene.seed_of(name) for name in bodies},
-        # a crystal's last row touches at many places, none of them finer than the face
-        [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal],
-        coarser,
-        "tet" if scene.mesh.element == "tet" else None,
-        {
-            name: field.stretched(sizes.boxes[name], box_of(bodies[name]))
-            for name, field in sizes.fields.items()
-            if name in bodies
-        },
-        sizes.usual,
-    )
+    # a crystal's last row touches at many places, none of them finer than the face
+    fine = [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal]
+    sizing = sizing_of(scene, layout, fine, sizes, coarser)
     return Placed(selection, ties, pressed, bolted, face, named, sizing)
+
+
+def sizing_of(
+    scene: Scene,
+    layout: Drawing,
+    fine: Sequence[tuple[str, Vector, float]] = (),
+    sizes: ElementSizes = ElementSizes(),
+    coarser: float = 1.0,
+) -> Sizing:
+    """Sizes of elements: those of the scene, with `fine` ones at points of bodies, or `sizes` that
+    were chosen, all of them `coarser` times as large."""
+    bodies = layout.bodies
+    fields = {
+        name: field.stretched(sizes.boxes[name], box_of(bodies[name]))
+        for name, field in sizes.fields.items()
+        if name in bodies
+    }
+    seeds = {name: scene.seed_of(name) for name in bodies}
+    element = "tet" if scene.mesh.element == "tet" else None
+    return Sizing(
+        scene.assembly.gap, scene.mesh.scale, seeds, fine, coarser, element, fields, sizes.usual
+    )
 
 
 def box_of(body: Body) -> NDArray[np.float64]:

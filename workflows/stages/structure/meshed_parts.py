@@ -10,6 +10,7 @@ from skfem import Mesh
 
 from beadwave import fem
 from beadwave.geometry.cad.struck_face import Struck
+from beadwave.geometry.drawing import nodes_of
 from beadwave.geometry.meshing.size_field import SizeField
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
 
@@ -98,4 +99,4 @@ class Parts(NamedTuple):
     @property
     def nodes(self) -> dict[str, float]:
         """Number of nodes of quadratic elements by body: corners and middles of edges."""
-        return {name: float(m.nvertices + m.nedges) for name, m in self.meshes.items()}
+        return nodes_of(self.meshes)
