@@ -315,6 +315,7 @@ class ModalBackbone(NamedTuple):
     loss_deviation: NDArray[np.float64]  # (k,) of the loss factor
     first_slip: NDArray[np.float64]  # (m,) [m] displacement from which on a facet slips; nan: never
     slips_whole: bool  # the faces carry no more than the last amplitude
+    largest: float  # [kg^-1/2] displacement of the point that moves most, mass-normalised
 
 
 def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
@@ -394,6 +395,7 @@ def modal_backbone(
         deviation,
         first_slip,
         slips_whole,
+        largest,
     )
 
 

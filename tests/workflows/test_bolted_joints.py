@@ -11,6 +11,7 @@ from beadwave.fem.modes.mac import BodyForms, BodyMotion
 from beadwave.fem.updating.tuning import TuningBasis, TuningParameter, tune
 from beadwave.workflows.scene.toml import resolved, toml
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.structure import assembly
 
 from command_line import beadwave
@@ -262,6 +263,57 @@ def test_modes_over_amplitude_soften_and_lose_more(table, capsys, tmp_path):
     assert {"amplitude.png", "slip.png"} <= {
         f.name for f in (tmp_path / "out" / "figures").iterdir()
     }
+
+
+@pytest.mark.slow
+def test_a_run_has_modes_at_their_amplitudes_and_shows_the_faces(tmp_path, capsys):
+    """Struck softly and hard: more loss and a lower frequency where a mode moves more; the loss is
+    that of its backbone, and by the end it has fallen."""
+    strip = {"outline": [[0, 0], [0.12, 0], [0.12, 0.04], [0, 0.04]], "thickness": 0.01}
+    tables = plates({"preload": 6e3, "model": "contact"}) | {
+        "bodies": {
+            "left": {"plate": strip, "holes": {"diameter": 0.009, "at": [[0.1, 0.02]]}},
+            "right": {
+                "plate": strip, "holes": {"diameter": 0.009, "at": [[0.02, 0.02]]},
+                "at": [0.08, 0.0, 0.01],
+            },
+        },
+        "chain": {"count": 4, "radius": 0.00635, "density": 7800.0, "young": 210e9, "poisson": 0.3},
+        "striker": {"velocity": 1.0},
+        "wall": {"kind": "rom"},
+        "damping": {"kind": "modal", "ratio": 0.001},
+        "reduction": {"kind": "free-modes"},
+        "strike": {"on": "right:+z", "at": [0.03, 0.0], "radius": 0.002},
+        "time": {"duration": 4e-3},
+    }  # fmt: skip
+    path = tmp_path / "struck.toml"
+    path.write_text(toml(resolved(tables, "struck.toml")))
+    answers = {}
+    for speed in (0.01, 1.0):
+        out = tmp_path / f"out-{speed}"
+        arguments = ("--set", f"striker.velocity={speed}", "--out", str(out), "--json")
+        assert beadwave("run", str(path), *arguments) == 0
+        answers[speed] = json.loads(capsys.readouterr().out)
+        assert (out / "contact.npz").is_file() and (out / "figures" / "contact.png").is_file()
+        assert "Faces under bolts" in (out / "report.html").read_text("utf-8")
+    soft, hard = ({m["mode"]: m for m in a["amplitudes"]} for a in answers.values())
+    (row,) = answers[1.0]["contact"]
+    assert row["force_N"] == pytest.approx(6e3, rel=1e-6)
+    assert soft.keys() == hard.keys() and len(hard) >= 3
+    for one, other in zip(soft.values(), hard.values(), strict=True):
+        assert other["displacement_m"] > 90 * one["displacement_m"]  # harder is shorter as well
+        assert other["end_displacement_m"] <= other["displacement_m"]
+        assert other["frequency_hz"] <= one["frequency_hz"] * (1 + 1e-6)
+    assert max(m["loss_factor"] for m in hard.values()) > 1e-3
+    assert max(m["loss_factor"] for m in soft.values()) < 1e-4
+
+    # the wall that the run met has them
+    pipeline = pipeline_of(resolved(tables, "struck.toml"), quiet)
+    mode = max(hard.values(), key=lambda m: m["loss_factor"])
+    wall = pipeline("wall")
+    at = np.argmin(np.abs(wall.omega / (2 * np.pi) - mode["frequency_hz"]))
+    assert wall.omega[at] / (2 * np.pi) == pytest.approx(mode["frequency_hz"], rel=1e-6)
+    assert wall.zeta[at] == pytest.approx(0.001 + mode["loss_factor"] / 2, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,8 @@ CAPTIONS = {
     "modes": "The measured modes, paired by shape, or the lowest ones where there are no targets. "
     "Grey: the outline at rest. Colours: displacement over its largest. Shapes are exaggerated: "
     "bodies part where the springs of a joint give way, and may seem to pass through each other.",
+    "contact": "Faces under bolts, facet by facet: pressure of the preload, and where they stick, "
+    "slide or are apart.",
     "mesh-error": "Where the error of the mesh arises: energy that each element misses per volume, "
     "in that mode, or static response, in which it is largest, over the largest of all elements.",
 }

@@ -10,6 +10,7 @@ WORDS = {
     "contact": "contact patch",
     "joint-bounds": "limits of bolted joints",
     "backbones": "loops of friction",
+    "amplitudes": "modes at their amplitudes",
     "reduction": "reduction to the contact",
     "second-mesh": "second mesh",
     "missed-energy": "errors of frequencies",

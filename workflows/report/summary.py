@@ -266,6 +266,33 @@ class ModeFound(BaseModel):
     mac: float | None = None
 
 
+class ContactRow(BaseModel):
+    """The faces that the bolts of a joint press."""
+
+    joint: str
+    zone_area_m2: float
+    zone_radius_m: float  # mean over the bolts, of a disc with the hole
+    pressure_max_Pa: float
+    force_N: float
+    stuck_share: float
+    pressure_error: float  # relative
+    zone_error: float  # relative, of the area
+
+
+class ModeAtAmplitude(BaseModel):
+    """A mode at its largest amplitude of a run, which the run gives it, and at the run's end, of
+    faces in contact under preload. Displacements are of the point that moves most."""
+
+    mode: int
+    linear_hz: float
+    displacement_m: float
+    frequency_hz: float
+    loss_factor: float  # of the friction alone
+    end_displacement_m: float
+    end_frequency_hz: float
+    end_loss_factor: float
+
+
 class SolvedMeshNumbers(BaseModel):
     """A mesh of the search for sizes of elements."""
 
@@ -310,6 +337,8 @@ class Summary(BaseModel):
     dofs: int = 0
     load_factor: float | None = None  # static load over that which buckles the structure
     mesh: MeshNumbers | None = None  # of mesh.error
+    contact: tuple[ContactRow, ...] = ()  # faces that bolts press
+    amplitudes: tuple[ModeAtAmplitude, ...] = ()  # of faces in contact
     n_wall_modes: int = 0
     dt_s: float | None = None
     n_steps: int = 0

@@ -3,9 +3,11 @@
 from beadwave.workflows.report.number_format import GLUE, NONE, digits, grouped, percent, si
 from beadwave.workflows.report.stage_words import stage_words
 from beadwave.workflows.report.summary import (
+    ContactRow,
     CrystalNumbers,
     FrictionNumbers,
     MeshNumbers,
+    ModeAtAmplitude,
     ReductionHealth,
     SensorWaves,
     SphereWaves,
@@ -35,6 +37,8 @@ ERRORS = {
     "theory": ("theory", ("other-theories", "theory-error")),
     "receptance": ("receptance", ("receptance-error",)),
 }
+SQUARED = "\N{SUPERSCRIPT TWO}"
+NO_LOSS = 1e-6  # a loss factor of friction that is none
 LARGE = 0.05  # relative error from which on it stands out
 # rows with an error of their own: the name of their number in the summary's table of errors
 ERROR_OF = {
@@ -67,6 +71,12 @@ def results(summary: Summary) -> list[tuple[str, str]]:
         (f"waves at sphere {s}", arrivals(waves, summary, s)) for s, waves in summary.waves.items()
     ]
     rows += [(name, sensed(signal)) for name, signal in summary.sensors.items()]
+    rows += [(f"contact of {row.joint}", zone(row)) for row in summary.contact]
+    rows += [
+        (f"mode {mode.mode} at its amplitude", at_amplitude(mode))
+        for mode in summary.amplitudes
+        if mode.loss_factor > NO_LOSS
+    ]
     if contact := summary.wall_contact:
         of_wall = {
             "time of flight TOF": si(contact.tof_s, "s"),
@@ -131,6 +141,27 @@ def bands(edges: tuple[float, ...]) -> str:
     """Bands by their edges [Hz], lower and upper in turn."""
     pairs = zip(edges[::2], edges[1::2], strict=True)
     return listed([f"{si(low, 'Hz') if low else '0'} to {si(high, 'Hz')}" for low, high in pairs])
+
+
+def zone(row: ContactRow) -> str:
+    """Zone and pressure of the faces that the bolts of a joint press."""
+    return (
+        f"{digits(1e6 * row.zone_area_m2, 4)} mm{SQUARED} ± "
+        f"{percent(row.zone_error, 2)}, {percent(row.stuck_share, 2)} sticks; "
+        f"up to {si(row.pressure_max_Pa, 'Pa')} ± {percent(row.pressure_error, 2)}"
+    )
+
+
+def at_amplitude(mode: ModeAtAmplitude) -> str:
+    """Frequency and loss factor that a run gives a mode, and what they come to by its end."""
+    words = [
+        f"{digits(hz, 6)} Hz, loss factor {digits(loss, 2)} at {si(x, 'm')}"
+        for hz, loss, x in (
+            (mode.frequency_hz, mode.loss_factor, mode.displacement_m),
+            (mode.end_frequency_hz, mode.end_loss_factor, mode.end_displacement_m),
+        )
+    ]
+    return f"{words[0]}; in the end {words[1]}"
 
 
 def mesh_words(mesh: MeshNumbers) -> str:

@@ -18,7 +18,12 @@ from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.cache import LIBRARIES, library_versions
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen, needs_structure
+from beadwave.workflows.stages.engine.stage_table import (
+    has_sizes_chosen,
+    in_contact,
+    needs_structure,
+    slips,
+)
 
 IMPACT_FILES = ("given.toml", "summary.json", "trajectory.npz", "signals.csv", "arrivals.csv")
 FILES = (
@@ -30,6 +35,7 @@ FILES = (
     "modes.vtu",
     "sizes.npz",
     "missed.npz",
+    "contact.npz",
     *(f"figures/{name}.png" for name in CAPTIONS),
 )
 
@@ -68,6 +74,8 @@ def run(
                 if scene.bending is None:
                     pipeline("structure-errors")
                     _write_files(pipeline, folder, "missed-files")
+                if in_contact(scene):
+                    _write_files(pipeline, folder, "contact-files")
             if scene.crystal:
                 _write_files(pipeline, folder, "crystal-files")
             if scene.chains:
@@ -222,6 +230,11 @@ def summary_of(
 
         # the march and its waves
         numbers |= chain.numbers | {"error_estimate": ErrorEstimate(**errors)}
+        if slips(scene):
+            from beadwave.workflows.stages.structure.amplitudes import mode_numbers
+
+            numbers["amplitudes"], of_amplitudes = mode_numbers(pipeline("amplitudes"))
+            sentences += of_amplitudes
         if scene.output.sensors:
             numbers["sensors"] = pipeline("sensor-numbers")
         sentences += chain.warnings
@@ -265,6 +278,8 @@ def summary_of(
                 sentences += warnings.mesh_above_asked(numbers["mesh"])
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
+        if in_contact(scene):
+            numbers["contact"] = tuple(pipeline("contact-numbers"))
         if scene.measured:
             from beadwave.workflows.files.part_receptances import receptances
 

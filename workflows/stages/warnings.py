@@ -475,6 +475,16 @@ def neglected_coupling(scene: Scene, start: Start) -> Iterator[str]:
         )
 
 
+def beyond_backbones(displacement: Mapping[int, float]) -> Iterator[str]:
+    """Modes, by number, at amplitudes [m] beyond those at which whole bolts begin to slip."""
+    for mode, x in displacement.items():
+        yield (
+            f"Mode {mode} reaches {si(x, 'm')}, more than its faces carry without slipping as a "
+            "whole; it has frequency and damping of the largest amplitude that modes --amplitude "
+            "shows, and really less of the one and more of the other."
+        )
+
+
 def mesh_above_asked(mesh: MeshNumbers) -> Iterator[str]:
     """The mesh states more than mesh.error, since a bound ended the search for its sizes, or since
     they were chosen for another scene."""

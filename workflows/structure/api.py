@@ -241,8 +241,8 @@ def modes(
     if folder and "mac" in names:
         write_pictures(folder, (result.plot(),))
     if folder and in_contact:
+        from beadwave.workflows.stages.structure.contact_zone import contact_arrays, contact_picture
         from beadwave.workflows.structure import amplitude_table
-        from beadwave.workflows.structure.contact_table import contact_arrays, contact_picture
 
         contact, slip = pipeline("model").contact, {}
         write_pictures(folder, (contact_picture(contact),))

@@ -6,13 +6,14 @@ from pydantic import BaseModel
 from beadwave.fem.modes.mac import RIGID, strained
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
-from beadwave.workflows.report.summary import MeshNumbers
+from beadwave.workflows.report.summary import ContactRow, MeshNumbers
 from beadwave.workflows.report.summary_rows import mesh_words
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene.required_parts import with_mac
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
+from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen, in_contact
+from beadwave.workflows.stages.structure.contact_zone import contacts_text
 from beadwave.workflows.stages.structure.health import shape_names
 from beadwave.workflows.structure.amplitude_table import (
     AmplitudeRow,
@@ -20,7 +21,6 @@ from beadwave.workflows.structure.amplitude_table import (
     amplitudes_text,
     slip_sentences,
 )
-from beadwave.workflows.structure.contact_table import ContactRow, contact_rows, contacts_text
 from beadwave.workflows.structure.joint_table import JointRow, joint_rows, joints_text
 
 READING = """\
@@ -171,7 +171,8 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
                 # rounding alone gives a rigid motion a frequency
                 if omega > RIGID * modes.omega.max():
                     setattr(row, key, hz)
-        contact = contact_rows(pipeline("model").contact, pipeline("mesh").bolted)
+        if in_contact(scene):
+            contact = pipeline("contact-numbers")
     sentences, at_amplitudes = list(warnings.overconstrained(modes.overconstrained)), None
     if amplitude:
         of_mode = pipeline("backbones")

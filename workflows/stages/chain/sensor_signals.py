@@ -18,6 +18,7 @@ from beadwave.workflows.scene.tables.sensors import low_pass_of
 from beadwave.workflows.stages.chain.damping import damping
 
 if TYPE_CHECKING:
+    from beadwave.coupling.modes_at_amplitude import SettledRun
     from beadwave.coupling.structure_sensors import SensorSignals
     from beadwave.dem.space import RowRun
     from beadwave.rom import ReducedModel
@@ -47,6 +48,8 @@ def record(
     impact: Impact,
     waves: ChainWaves,
     reduced: "ReducedModel | None" = None,
+    amplitudes: "SettledRun | None" = None,
+    *,
     structure: "SensorSignals | None" = None,
 ) -> SensorRecord:
     """Signals of the sensors (k, m) with noise, filters and rounding, and the waves in them; of
@@ -55,7 +58,8 @@ def record(
         from beadwave.coupling.structure_sensors import sensed_in_run
 
         run, law = impact.trajectory, damping(scene.damping, reduced)
-        structure = sensed_in_run(reduced, run.t, run.contact_force[:, -1], damping=law)
+        force, at = run.contact_force[:, -1], amplitudes.largest if amplitudes else ()
+        structure = sensed_in_run(reduced, run.t, force, damping=law, at_amplitude=at)
     return _recorded(scene, [(impact.trajectory, waves.tracks)], structure)
 
 

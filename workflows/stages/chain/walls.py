@@ -26,15 +26,19 @@ from beadwave.workflows.stages.chain.damping import damping
 
 if TYPE_CHECKING:
     from beadwave import rom  # simple walls do without it and without what it loads
+    from beadwave.coupling.modes_at_amplitude import SettledRun
 
 
 def wall_of(
-    scene: Scene, reduction: "rom.ReducedModel | None" = None
+    scene: Scene,
+    reduction: "rom.ReducedModel | None" = None,
+    amplitudes: "SettledRun | None" = None,
 ) -> dem.Wall | coupling.CoupledWall | None:
     """The wall as the march takes it; None for a free chain.
 
     With wall.kind = "rom" it is that of the `reduction`, or of `wall.file` where that is None, with
-    the scene's damping and its modes up to the scene's cutoff [Hz]. Raises InvalidScene for a file
+    the scene's damping and its modes up to the scene's cutoff [Hz], some of them as they are at the
+    amplitudes of the run. Raises InvalidScene for a file
     that is no wall, coupling.CouplingError for a badly conditioned model.
     """
     if not isinstance(scene.wall, RomWall):
@@ -49,7 +53,11 @@ def wall_of(
     law, cutoff = damping(scene.damping, reduced), scene.wall.cutoff
     wall = reduced_wall.wall_of(reduced, damping=law, cutoff_hz=cutoff, modes=modes)
     require_support(scene, wall)
-    return wall
+    if amplitudes is None:
+        return wall
+    from beadwave.coupling.modes_at_amplitude import moved
+
+    return moved(wall, amplitudes.largest)
 
 
 def require_support(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> None:

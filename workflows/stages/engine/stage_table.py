@@ -105,6 +105,17 @@ def has_bolts(scene: Scene) -> bool:
     return any(joint.bolt is not None for joint in scene.bushings.values())
 
 
+def in_contact(scene: Scene) -> bool:
+    """True of bodies whose faces are in contact under bolts."""
+    return any(joint.model == "contact" for joint in scene.bushings.values() if joint.bolt)
+
+
+def slips(scene: Scene) -> bool:
+    """True of a chain before a structure with faces in contact: friction in them changes frequency
+    and damping of its modes in the run."""
+    return strikes_structure(scene) and in_contact(scene) and not rubs_on_structure(scene)
+
+
 def strikes_measured_part(scene: Scene) -> bool:
     """True of a chain before a structure with measured parts."""
     return bool(scene.measured and scene.chain)
@@ -315,6 +326,14 @@ STAGES = (
         "backbones", ".structure.backbones:backbones", tables_of(), ("mesh", "model", "modes"),
         when=has_bolts,
     ),
+    Stage(
+        "contact-numbers", ".structure.contact_zone:contact_numbers", tables_of(),
+        ("mesh", "model"), when=in_contact, listed=False,
+    ),
+    Stage(
+        "contact-files", ".structure.contact_zone:contact_files", tables_of(), ("model",),
+        when=in_contact, listed=False,
+    ),
     Stage("mac", ".structure.bending:mac", tables_of(), ("modes",), when=bent, listed=False),
     Stage(
         "mac", ".structure.rigid_joint_mac:mac", tables_of(), ("mesh", "model", "modes"),
@@ -432,7 +451,15 @@ STAGES = (
         "wall", ".structure.friction:wall_along", tables_of(), ("spatial-wall",),
         when=rubs_on_structure, kept=False,
     ),
-    Stage("wall", ".chain.walls:wall_of", _wall_reads, ("reduction",), when=strikes_structure),
+    Stage(
+        "amplitudes", ".structure.amplitudes:amplitudes",
+        lambda scene: [_wall_reads(scene), _marched(scene)],
+        ("start", "reduction", "modes", "backbones"), when=slips, after=("compilation",),
+    ),
+    Stage(
+        "wall", ".chain.walls:wall_of", _wall_reads, ("reduction", "amplitudes"),
+        when=strikes_structure,
+    ),
     Stage("wall", ".chain.walls:wall_of", _wall_reads),
     Stage("start", ".chain.chain:start", tables_of(*START), ("surface",), listed=False),
     Stage("march", ".structure.friction:march", _across, ("start", "spatial-wall"),
@@ -464,7 +491,8 @@ STAGES = (
     ),
     Stage(
         "record", ".chain.sensor_signals:record", tables_of("output", "damping"),
-        ("impact", "waves", "reduction"), when=has_sensors_on_structure, kept=False, listed=False,
+        ("impact", "waves", "reduction", "amplitudes"), when=has_sensors_on_structure,
+        kept=False, listed=False,
     ),
     Stage(
         "record", ".chain.sensor_signals:record", tables_of("output"), ("impact", "waves"),
@@ -558,8 +586,8 @@ STAGES = (
     ),
     # errors of the impact: better walls by cause, marches before them, what these differ by
     Stage(
-        "better-reduction", ".errors.better_walls:of_reduction", _wall_reads, ("reduction",),
-        kept=False, listed=False,
+        "better-reduction", ".errors.better_walls:of_reduction", _wall_reads,
+        ("reduction", "amplitudes"), kept=False, listed=False,
     ),
     Stage(
         "better-mesh", ".errors.better_walls:of_second_mesh", _wall_reads, ("second-mesh",),

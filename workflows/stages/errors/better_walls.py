@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from beadwave import coupling, dem, rom
 from beadwave.coupling.measured_wall import measured_wall
+from beadwave.coupling.modes_at_amplitude import SettledRun
 from beadwave.dem.waves.chain_waves import ChainWaves
 from beadwave.workflows.files.receptance_file import fitted
 from beadwave.workflows.report.summary import NumberError
@@ -60,9 +61,13 @@ class BetterWalls(NamedTuple):
     walls: tuple[BetterWall, ...]
 
 
-def of_reduction(scene: Scene, reduction: rom.ReducedModel) -> BetterWalls:
-    """The finer model, up to any frequency."""
-    finer = wall_of(scene.but(wall={"cutoff": None}), reduction.finer)
+def of_reduction(
+    scene: Scene,
+    reduction: rom.ReducedModel,
+    amplitudes: SettledRun | None = None,
+) -> BetterWalls:
+    """The finer model, up to any frequency, with the modes of the run's amplitudes."""
+    finer = wall_of(scene.but(wall={"cutoff": None}), reduction.finer, amplitudes)
     return BetterWalls("reduction", (BetterWall(finer, MARGIN, shorter=SHORTER),))
 
 

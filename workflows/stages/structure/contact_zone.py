@@ -1,11 +1,12 @@
-"""Faces in contact under the preload of bolts: rows, arrays and a picture of zone and pressure."""
+"""Faces in contact under the preload of bolts: numbers, table, arrays and a picture of zone and
+pressure."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel
 
+from beadwave import fem
 from beadwave.fem.contact.preloaded_contact import (
     OPEN,
     STUCK,
@@ -16,8 +17,11 @@ from beadwave.fem.contact.preloaded_contact import (
 from beadwave.workflows.files.npz import npz
 from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report import plots
+from beadwave.workflows.report.summary import ContactRow
 from beadwave.workflows.report.tables import aligned_text
+from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
+from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 STATES = {0: "open", 1: "closed, slides", 2: "closed, sticks"}
 READING = """\
@@ -26,17 +30,18 @@ friction times pressure;  errors: of the pressure by its jumps between facets, o
 half of the facets at its rim"""
 
 
-class ContactRow(BaseModel):
-    """The faces that the bolts of a joint press."""
+def contact_numbers(scene: Scene, mesh: Parts, model: fem.Model) -> list[ContactRow]:
+    """The rows of a model's faces in contact."""
+    return contact_rows(model.contact, mesh.bolted)
 
-    joint: str
-    zone_area_m2: float
-    zone_radius_m: float  # mean over the bolts, of a disc with the hole
-    pressure_max_Pa: float
-    force_N: float
-    stuck_share: float
-    pressure_error: float  # relative
-    zone_error: float  # relative, of the area
+
+def contact_files(scene: Scene, model: fem.Model) -> dict[str, bytes]:
+    """Content of contact.npz and its picture, by name."""
+    picture = contact_picture(model.contact)
+    return {
+        "contact.npz": contact_arrays(model.contact),
+        f"figures/{picture.name}.png": picture.png,
+    }
 
 
 def contact_rows(
