@@ -366,7 +366,8 @@ def test_without_webgl_the_still_pictures_stand_in(rig, browser, opened):
     drawn(page)
     assert page.complaints == []
     assert not page.locator(".view canvas").is_visible()
-    assert page.locator(".without img").count() == len(list(rig.glob("figures/[am]*.png")))
+    drawn_still = [(rig / "figures" / f"{name}.png").is_file() for name in ("assembly", "modes")]
+    assert page.locator(".without img").count() == sum(drawn_still) > 0
 
 
 @pytest.mark.slow
