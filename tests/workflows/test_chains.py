@@ -154,13 +154,31 @@ def test_a_sweep_over_delays_and_places_has_the_numbers_of_runs(struck, tmp_path
             assert row[f"{name}_sphere_2_incident_s"] == pytest.approx(incident.time_s, rel=1e-6)
         assert row["wall_peak_force_N"] == pytest.approx(run.summary.peak_wall_force_N)
         assert row["error_time"] == pytest.approx(run.summary.error_estimate.time)
-        assert row["error_reduction"] == pytest.approx(
-            run.summary.error_estimate.reduction, rel=1e-6
-        )
+        for cause in ("reduction", "mesh"):
+            stated = getattr(run.summary.error_estimate, cause)
+            assert row[f"error_{cause}"] == pytest.approx(stated, rel=1e-6)
     assert {"top_wall_peak_force_N", "end_wall_peak_force_N"} <= set(found.main)
     assert found.units == {"chains.end.striker.time": "s", "chains.top.at": "m"}
     with pytest.raises(InvalidScene, match=r"--signals are of one \[chain\]"):
         beadwave.sweep(TWO, over=over, out=tmp_path / "kept", signals=True)
+
+
+def test_the_error_of_the_mesh_is_above_the_true_one(struck):
+    """Beside a mesh of elements a third as large, within a factor of ten; of each chain its own."""
+    fine = beadwave.impact(TWO, {"mesh.scale": 1.0})
+    change = np.abs(fine.arrays["v"] - struck.arrays["v"]).max(axis=0) / 0.3
+    stated = struck.summary.error_estimate.mesh
+    assert change.max() < stated < 10.0 * change.max()
+    assert fine.summary.error_estimate.mesh < 0.5 * stated
+    of_chains = [chain.errors.mesh for chain in struck.summary.chains.values()]
+    assert max(of_chains) == stated
+    assert change[:4].max() < of_chains[0] and change[4:].max() < of_chains[1]
+
+
+def test_loss_factors_leave_the_error_of_the_mesh_unknown(struck):
+    run = beadwave.impact(TWO | {"damping": {"kind": "loss", "materials": {"steel": 0.01}}})
+    assert run.summary.error_estimate.mesh is None
+    assert any("The error of the mesh could not be estimated" in w for w in run.summary.warnings)
 
 
 SENSED = [

@@ -254,14 +254,20 @@ def summary_of(
         chains = pipeline("chains-numbers")
         errors, each = {"time": chains.time_error}, chains.numbers["chains"]
         if with_errors:
-            of_reduction = pipeline("chains-errors")
-            errors["reduction"] = of_reduction.largest
-            sentences += warnings.large_model_error("reduction", of_reduction.largest)
+            of_chains: list[dict[str, float | None]] = [dict(errors) for _ in each]
+            for cause, stage in (("reduction", "chains-errors"), ("mesh", "chains-mesh-errors")):
+                try:
+                    found = pipeline(stage)
+                except ValueError as reason:  # no other mesh tells the error of this one
+                    sentences += warnings.unknown_model_error(cause, reason)
+                    continue
+                errors[cause] = found.largest
+                sentences += warnings.large_model_error(cause, found.largest)
+                for of_chain, error in zip(of_chains, found.of_chains, strict=True):
+                    of_chain[cause] = error
             each = {
-                name: numbers.model_copy(
-                    update={"errors": ErrorEstimate(**errors | {"reduction": error})}
-                )
-                for (name, numbers), error in zip(each.items(), of_reduction.of_chains, strict=True)
+                name: numbers.model_copy(update={"errors": ErrorEstimate(**of_chain)})
+                for (name, numbers), of_chain in zip(each.items(), of_chains, strict=True)
             }
         numbers |= chains.numbers | {"chains": each, "error_estimate": ErrorEstimate(**errors)}
         if scene.output.sensors:

@@ -261,15 +261,6 @@ def model_errors_left_out() -> Iterator[str]:
     )
 
 
-def mesh_error_of_several_chains() -> Iterator[str]:
-    """A run of several chains, of which no mesh with less error is marched."""
-    yield (
-        "The error of the mesh is not estimated in the waves of several chains: `beadwave modes` "
-        "states what it leaves in frequencies; run the scene with half of mesh.scale as well to "
-        "see it in waves."
-    )
-
-
 def model_errors_of_coupled_modes() -> Iterator[str]:
     """A run whose wall's modes are coupled, of which no second model is marched."""
     yield (

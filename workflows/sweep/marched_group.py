@@ -183,7 +183,7 @@ def _several(checked: CheckedGroup, group: Group, shared: SharedWall) -> list[Ro
             watched, run.t, v, force,
             energy_error=run.energy_error,
             error_time=np.nan if run.error_estimate is None else run.error_estimate,
-            error_reduction=shared.error_reduction,
+            error_reduction=shared.error_reduction, error_mesh=shared.error_mesh,
             dt_s=run.dt, steps=run.n_steps, seconds=perf_counter() - started,
         )  # fmt: skip
         finished.append(Rows((number,), table))

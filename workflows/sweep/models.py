@@ -45,7 +45,7 @@ class Source(NamedTuple):
     @property
     def stages(self) -> tuple[str, str]:
         """Names of the reduction and of what tells the error of the mesh; of several chains, which
-        have none in the waves, of the reduction and their contacts."""
+        march on another mesh, of the reduction and their contacts."""
         if self.scene.chains:
             return "reduction", "chain-contacts"
         of_mesh = "missed-energy" if self.scene.bending is None else "second-mesh"
@@ -98,10 +98,13 @@ def models(source: Source) -> Models | str:
     try:
         first = pipeline(reduction)
         if source.scene.chains:
-            contacts = pipeline(second)
+            contacts, of_reduction = pipeline(second), pipeline("chains-errors").largest
+            try:
+                of_mesh = pipeline("chains-mesh-errors").largest
+            except ValueError:  # no other mesh tells the error of this one
+                of_mesh = float("nan")
             pipeline.release()
-            errors = _error_of_chains(source.scene, first, contacts), float("nan")
-            return Models(first, contacts, errors)
+            return Models(first, contacts, (of_reduction, of_mesh))
         try:
             of_mesh = pipeline(second)
         except ValueError:  # no other mesh tells the error of this one
@@ -178,15 +181,6 @@ def _errors(
     except ValueError:
         return of_reduction, nan
     return of_reduction, error(missed)
-
-
-def _error_of_chains(scene: Scene, reduction: Any, contacts: Any) -> float:
-    """Error of the reduction in the waves of several chains, over the striker's speed."""
-    structure = several.structure(scene, reduction, contacts)
-    at_rest = several.start(scene, contacts, structure)
-    run = several.march(scene, at_rest, structure)
-    arguments = scene, at_rest, structure, run, reduction, contacts
-    return several.reduction_errors(*arguments).largest
 
 
 def sentence(reason: Exception) -> str:

@@ -34,7 +34,7 @@ class ChainsStart(NamedTuple):
 
 
 class ChainsErrors(NamedTuple):
-    """Errors by the reduction, relative to the largest speed at the start."""
+    """Errors by the reduction or the mesh, relative to the largest speed at the start."""
 
     of_chains: tuple[float, ...]  # of the spheres of each chain
     largest: float
@@ -138,8 +138,15 @@ def reduction_errors(
         start.rows.packing, finer, start.rows.velocity, duration=scene.time.duration,
         dt=march.dt / SHORTER, n_save=scene.output.samples - 1,
     )  # fmt: skip
+    return errors_of_difference(start, march, again, MARGIN)
+
+
+def errors_of_difference(
+    start: ChainsStart, march: space.SpaceTrajectory, again: space.SpaceTrajectory, share: float
+) -> ChainsErrors:
+    """Errors of a march, as a share of its largest difference to another one of the same chains."""
     change = np.linalg.norm(again.velocity - march.velocity, axis=2).max(axis=0)
     speed = float(np.linalg.norm(start.rows.velocity, axis=1).max()) or 1.0
-    relative, row = MARGIN * change / speed, start.rows.row
+    relative, row = share * change / speed, start.rows.row
     of_chains = tuple(float(relative[row == i].max()) for i in range(row[-1] + 1))
     return ChainsErrors(of_chains, max(of_chains))

@@ -61,7 +61,6 @@ def chains_numbers(
         "peak_wall_force_N": max(numbers.peak_wall_force_N for numbers in each.values()),
         "chains": each,
     }
-    warned += warnings.mesh_error_of_several_chains()
     if march.error_estimate is None:
         warned.append(
             "The error of a given time.dt is not estimated for several chains; give time.error to "

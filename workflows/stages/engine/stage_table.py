@@ -532,6 +532,13 @@ STAGES = (
         ("chains", "structure", "chains-march", "reduction", "chain-contacts"), when=has_chains,
     ),
     Stage(
+        "chains-mesh-errors", ".errors.chains_mesh_error:mesh_errors",
+        lambda scene: [
+            read(scene) for read in (_joined, _reduced, _wall_reads, _places, _each_chain)
+        ],
+        ("chains", "chains-march", "mesh", "modes"), when=has_chains,
+    ),
+    Stage(
         "chains-numbers", ".chain.several_numbers:chains_numbers", _marched,
         ("chains", "structure", "chains-march", "chains-waves"), when=has_chains, listed=False,
     ),

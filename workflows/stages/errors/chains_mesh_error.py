@@ -1,0 +1,47 @@
+"""Error of the mesh in the waves of several chains: their march again on another mesh.
+
+The other mesh and the share of the difference that is the run's own are those of `second_mesh`.
+"""
+
+from beadwave import fem, rom
+from beadwave.dem import space
+from beadwave.fem.modes.assembly_modes import AssemblyModes
+from beadwave.workflows.scene import LossFactorsTable, Scene
+from beadwave.workflows.scene.tables.reduction import TO_HZ
+from beadwave.workflows.stages.chain import several
+from beadwave.workflows.stages.errors.second_mesh import other_mesh
+from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.stages.structure.meshed_parts import Parts
+from beadwave.workflows.stages.structure.several import contacts
+
+
+def mesh_errors(
+    scene: Scene,
+    start: several.ChainsStart,
+    march: space.SpaceTrajectory,
+    mesh: Parts,
+    modes: AssemblyModes,
+) -> several.ChainsErrors:
+    """Errors of the velocities by the mesh. Raises ValueError where no other mesh tells them."""
+    if isinstance(scene.damping, LossFactorsTable):
+        raise ValueError(
+            "loss factors of parts are not known on a second mesh; compare with a run on a finer "
+            "mesh, --set mesh.scale=0.5."
+        )
+    parts, share = other_mesh(scene, mesh)
+    model = assembly.model(scene, parts)
+    places, table = contacts(scene, parts, model), scene.reduction
+    with fem.one_thread():
+        reduced = rom.several_contacts(
+            model.K, model.M, places.w, error=table.error, to_hz=table.to_hz or TO_HZ,
+            factorise=fem.factorised,
+        )  # fmt: skip
+    # frequencies that ratios of damping are of, as the run has them
+    struck = reduced.contact._replace(modes_hz=tuple(modes.paired_hz.values()) or None)
+    structure = several.structure(scene, reduced._replace(contact=struck), places)
+    rows = several.start(scene, places, structure).rows
+    again = space.march(
+        rows.packing, structure, rows.velocity, duration=scene.time.duration, dt=march.dt,
+        n_save=scene.output.samples - 1,
+    )  # fmt: skip
+    return several.errors_of_difference(start, march, again, share)
