@@ -62,4 +62,6 @@ def surface(triangles: Mapping[int, NDArray[np.float64]]) -> MeshTri:
     nanometre are one."""
     corners = np.concatenate([*triangles.values()]).reshape(-1, 3)
     points, cells = np.unique(corners.round(9), axis=0, return_inverse=True)
-    return MeshTri(np.ascontiguousarray(points.T), np.ascontiguousarray(cells.reshape(-1, 3).T))
+    # unsorted: the order of a triangle's corners says on which side it is seen
+    p, t = np.ascontiguousarray(points.T), np.ascontiguousarray(cells.reshape(-1, 3).T)
+    return MeshTri(p, t, sort_t=False)

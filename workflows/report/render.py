@@ -247,7 +247,7 @@ def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
         drawn = {"show_edges": fixtures.elements, "edge_color": "#404040"}
         plotter.add_mesh(body, color=colour, **drawn, **MATT)
         if not fixtures.elements:
-            edges = body.extract_feature_edges(EDGE_ANGLE)
+            edges = body.extract_feature_edges(EDGE_ANGLE, manifold_edges=False)
             plotter.add_mesh(edges, color="#404040", line_width=1.5)
 
         # points close enough on every facet to hide what is behind it
