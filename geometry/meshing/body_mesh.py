@@ -213,10 +213,9 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
         radii = circle_radii(face.tag for face in body.faces).values()
         around += CIRCLE_NODES * sum(_grown(2 * pi * r / EDGES_AROUND / seed) for r in radii)
         around += POINT_NODES * sum(_grown(f.size / seed) for f in fine)
-    elif fine:
+    elif fine and (prism := next(prisms(body), None)):
         # layers, and lines of a grid, are fine from end to end; a base of another outline is fine
         # around the point alone
-        prism = next(prisms(body))
         is_box = len(body.faces) == len(prism.base + prism.top) + 4
         for axis in np.eye(3) if is_box else [prism.axis]:
             ends = np.sort([body.lower @ axis, body.upper @ axis])
