@@ -1,5 +1,6 @@
 """Sizes of elements from mesh.error: what is stated, true, counted and refused."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,8 @@ from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.meshed_parts import SolvedMesh
 from beadwave.workflows.stages.structure.sizes_file import NUMBERS
 from beadwave.workflows.sweep.cases import base_of
+
+from command_line import beadwave as command
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -253,6 +256,22 @@ def test_a_fit_is_repeated_with_the_sizes_that_its_values_ask_for(tmp_path):
     result = beadwave.tune(file, {"joints.foot.krx": 1e3}, free="joints.foot.krx")
     assert any("were chosen again at fitted values" in said for said in result.report.remarks)
     assert result.scene.sizes_of is result.scene
+
+
+def test_reduce_and_tune_say_as_json_what_the_mesh_came_to(tmp_path, capsys):
+    file = tmp_path / "arm.toml"
+    file.write_text(ARM + "[strike]\non = 'arm:+z'\nradius = 0.002\n")
+    assert command("reduce", file, f"--out={tmp_path}/rom.npz", "--json") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["written"] == [f"{tmp_path}/rom.npz"]
+    mesh = said["mesh"]
+    assert mesh["asked"] == 0.03 and 0 < mesh["stated"] < 0.03
+    assert mesh["bounded_by"] is None and len(mesh["meshes"]) >= 1
+    report = beadwave.tune(file, free="joints.foot.krx").report
+    # with the sizes of the scene's own values, and of the compliance at the contact as well
+    assert report.mesh.asked == 0.03 and report.mesh.stated < 0.05
+    assert report.mesh.stated >= 0.01 * report.mesh_error_percent["1"] > 0
+    assert (report.mesh.bounded_by is None) == (report.mesh.stated <= 0.03)
 
 
 def test_rigid_motions_are_no_goals_and_nothing_to_bound_is_said():

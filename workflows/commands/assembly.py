@@ -241,9 +241,14 @@ def tune_joints(
     print_lines(f"written: {result.file}", json=call.json, quiet=call.quiet)
 
 
-@verb("beadwave.workflows.structure.api.reduce", json="{written: [files]}", out=Word(required=True))
+@verb(
+    "beadwave.workflows.structure.api.reduce",
+    json="{written: [files]}, with mesh.error also {mesh}",
+    out=Word(required=True),
+)
 def reduce(call: Call) -> None:
     """Write the reduced model: M, K, C, w, and the outer nodes' T."""
-    call()
+    mesh = call().mesh
     files = (call.given.get(name) for name in ("out", "matrices"))
-    print_files([path for path in files if path], call.json, call.quiet)
+    of_mesh = {} if mesh is None else {"mesh": mesh.model_dump()}
+    print_files([path for path in files if path], call.json, call.quiet, **of_mesh)

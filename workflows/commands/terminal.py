@@ -146,10 +146,10 @@ def print_lines(*lines: str, json: bool = False, quiet: bool = False) -> None:
         print(line)
 
 
-def print_files(paths: Iterable[Path], json: bool, quiet: bool = False) -> None:
-    """The files that a command has written."""
+def print_files(paths: Iterable[Path], json: bool, quiet: bool = False, **more: Any) -> None:
+    """The files that a command has written, in JSON with `more`."""
     names = [str(path) for path in paths]
-    print_result({"written": names}, f"written: {', '.join(names)}", json, quiet)
+    print_result({"written": names} | more, f"written: {', '.join(names)}", json, quiet)
 
 
 class SummaryPrinter:

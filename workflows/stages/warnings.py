@@ -36,7 +36,7 @@ if (
 
 CURES = {
     "reduction": "keep more modes (reduction.modes, reduction.to_hz, wall.cutoff)",
-    "mesh": "take smaller elements (mesh.scale below 1, or bodies.NAME.seed; of the rig mesh.seed)",
+    "mesh": "take smaller elements (mesh.error, or mesh.scale below 1)",
     "receptance": "measure with less noise, more averages or in a wider band",
     "theory": "draw the beam or plate as a body, see solid-beam and solid-plate of the gallery",
 }

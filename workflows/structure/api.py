@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from beadwave.fem.identification.poly_reference import IdentifiedModes
     from beadwave.rom import ReducedModel
+    from beadwave.workflows.report.summary import MeshNumbers
     from beadwave.workflows.stages.engine.pipeline import Pipeline
     from beadwave.workflows.structure.crystal_modes import CrystalModeTable
     from beadwave.workflows.structure.hammer import HammerReport
@@ -815,6 +816,13 @@ class ReductionResult:
 
         write_reduced(self.pipeline, *files.values())
         return [file.path for file in files.values()]
+
+    @property
+    def mesh(self) -> MeshNumbers | None:
+        """What mesh.error led to; None where it is not asked for."""
+        from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
+
+        return self.pipeline("mesh-numbers") if has_sizes_chosen(self.scene) else None
 
     def plot(self) -> Picture:
         """The receptance at the contact, and solutions of the full model."""

@@ -28,6 +28,7 @@ from beadwave.workflows.files.output_file import OutputFile
 from beadwave.workflows.files.scene import Source, Written, completed, scene_text
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.report.number_format import supported
+from beadwave.workflows.report.summary import MeshNumbers
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.named_files import every_file_key
@@ -127,6 +128,7 @@ class TuningReport(BaseModel):
     mac: dict[str, float]  # with the shape of stiff joints
     measured_mac: dict[str, float] = {}  # with the measured shape, of targets that have one
     mesh_error_percent: dict[str, float] = {}  # the full model's frequencies are too high by
+    mesh: MeshNumbers | None = None  # of mesh.error, at the fitted values
     between_hz: list[float]
     evaluations: int
     seconds: float
@@ -331,6 +333,7 @@ def _tuned_on(
     of_numbers = []
     if (scene.floats or scene.springs) and result.targets:
         of_numbers = on_numbers(result, computed_mode)
+    of_mesh = full("mesh-numbers") if has_sizes_chosen(result) else None
     report = TuningReport(
         scene=scene.name,
         match={str(n): hz for n, hz in match.items()},
@@ -351,6 +354,7 @@ def _tuned_on(
         evaluations=fit.evaluations,
         seconds=seconds,
         mesh_error_percent=mesh_percent,
+        mesh=of_mesh,
         remarks=[
             *of_numbers,
             *(remarks_on_axes(scene) if any(t.shape for t in scene.targets or ()) else ()),
@@ -358,7 +362,7 @@ def _tuned_on(
             *beyond_the_drawing(fit),
             *worth_of_the_bars(errors, scatter, spare),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
-            *(above_asked(full("mesh-numbers")) if has_sizes_chosen(result) else ()),
+            *(() if of_mesh is None else above_asked(of_mesh)),
         ],
     )
     return result, report
