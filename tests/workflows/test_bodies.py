@@ -233,6 +233,12 @@ def test_a_look_without_a_mesh_foretells_its_dofs_within_a_factor_of_two(name):
     assert foreseen.joints == counted.joints
 
 
+def test_a_look_says_that_a_run_may_refuse_what_no_memory_holds(capsys):
+    assert beadwave("look", "cantilever", "--set=bodies.beam.seed=2e-5") == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("A run may refuse this scene: the mesh of [assembly] has ")
+
+
 def test_a_look_at_a_scene_that_a_run_refuses_says_so_and_goes_on(capsys):
     assert beadwave("look", "cantilever", "--set=strike.at=[0.5, 0.0]") == 0
     said = capsys.readouterr().out

@@ -16,7 +16,7 @@ from beadwave.geometry.drawing import meshed as drawn_meshes
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.body_shapes import grid_lines
-from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory
+from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory, too_large_mesh
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.pages.pictures import fixtures_of_faces
 from beadwave.workflows.stages.structure.assembly import mesh
@@ -269,7 +269,10 @@ def look(
     joints = joint_rows(bolted)
     overloaded = [*overloaded_bolts({row.name: row.utilisation for row in joints})]
     dofs = int(3 * sum(nodes.values()))
-    chosen = []
+    chosen, large = [], []
+    if not counted and whole:
+        too_large = too_large_mesh(scene, "the mesh of [assembly]", nodes)
+        large = [f"A run may refuse this scene: {sentence}" for sentence in too_large]
     if scene.mesh and scene.mesh.error:
         chosen.append(
             f"These elements have their usual sizes; mesh.error = {scene.mesh.error:g} chooses "
@@ -298,7 +301,7 @@ def look(
         unknowns=(dofs - constrained_dofs(parts)) if parts else dofs if whole else None,
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes),
-        remarks=remarks + heavy + overloaded + chosen,
+        remarks=remarks + heavy + overloaded + large + chosen,
     )
     return LookContents(report, scene, whole, parts, surfaces, fixtures, start, page)
 
