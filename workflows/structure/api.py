@@ -819,7 +819,7 @@ class ReductionResult:
 
     @property
     def mesh(self) -> MeshNumbers | None:
-        """What mesh.error led to; None where it is not asked for."""
+        """The mesh that mesh.error led to; None where it is not asked for."""
         from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
 
         return self.pipeline("mesh-numbers") if has_sizes_chosen(self.scene) else None

@@ -107,7 +107,7 @@ def _under(table: UnderTable) -> Under:
 
 
 class Placed(NamedTuple):
-    """What a scene's words pick of its bodies, and the sizes of their elements, before any mesh."""
+    """Faces, bodies and joints that a scene's words pick, and sizes of elements, before any mesh."""
 
     selection: NamedParts
     ties: list[TouchingPair]
@@ -121,7 +121,7 @@ class Placed(NamedTuple):
 def placed(
     scene: Scene, layout: Drawing, sizes: ElementSizes = ElementSizes(), coarser: float = 1.0
 ) -> Placed:
-    """What is struck, tied, bolted and held on a drawing of the scene, and the sizes of elements,
+    """Places struck, tied, bolted and held on a drawing of the scene, and the sizes of elements,
     `coarser` times as large.
 
     Raises InvalidScene for a body without material, for a patch that lies between two bodies, and
