@@ -47,13 +47,18 @@ class Interface(NamedTuple):
     layers: NDArray[np.float64]  # (r,) [N/m] of the reference; 0 of bolts
     W: NDArray[np.float64]  # (r, r) [m/N]
 
-    def openings(self, layers: NDArray[np.float64], d: NDArray[np.float64]) -> NDArray[np.float64]:
+    def openings(
+        self,
+        layers: NDArray[np.float64],
+        d: NDArray[np.float64],
+        at: NDArray[np.int64] | slice = slice(None),
+    ) -> NDArray[np.float64]:
         """Openings (r,) or (r, k) [m] with other layers (r,) [N/m] under the forces that cause d in
-        the reference; W for d is the compliance with them."""
+        the reference, of all rows or `at` some; W for d is the compliance with them."""
         change = layers - self.layers
         rows = np.flatnonzero(change)
         own = np.eye(len(rows)) + self.W[np.ix_(rows, rows)] * change[rows]
-        return d - (self.W[:, rows] * change[rows]) @ np.linalg.solve(own, d[rows])
+        return d[at] - (self.W[at][:, rows] * change[rows]) @ np.linalg.solve(own, d[rows])
 
 
 class PreloadedContact(NamedTuple):
@@ -108,8 +113,7 @@ class CondensedContact(NamedTuple):
     C: csr_matrix  # (3 m + b, n) openings of the free dofs, and elongations of bolts
     interface: Interface
     factor: Factor  # of K_r
-    # (r, m) [m/N] openings by forces on the normals, without friction
-    sliding: NDArray[np.float64]
+    sliding: NDArray[np.float64]  # (r, r) [m/N] W without friction
 
 
 def condensed(
@@ -133,9 +137,9 @@ def condensed(
     none = np.zeros(C.shape[0] - 3 * len(kA))
     layers = np.concatenate([kA, MINDLIN * kA, MINDLIN * kA, none])
     K_r = (K + C.T @ diags_array(layers) @ C + shift * M).tocsc()
-    factor, W = condensed_on(K_r, C)
+    factor, W = condensed_on(K_r, C, shifted=shift > 0)
     interface, m = Interface(layers, W), len(kA)
-    sliding = interface.openings(_without_friction(layers, m), W[:, :m])
+    sliding = interface.openings(_without_friction(layers, m), W)
     return CondensedContact(facets, stiffness, C, interface, factor, sliding)
 
 
@@ -153,11 +157,13 @@ def preloaded_contact(
     that nothing else holds.
     """
     facets, m = contact.facets, len(contact.facets.area)
-    layers, W = contact.interface.layers, contact.sliding[:m]
+    layers, W = contact.interface.layers, contact.sliding[:m, :m]
     kA = layers[:m]
     g_0 = facets.gap if gap is None else gap
     free = _without_friction(layers, m)
-    by_load = contact.interface.openings(free, contact.C @ contact.factor.solve(F))
+    # (1 + W D)^-1 c = c - W' D c with the compliance W' of the changed interface
+    by_load = contact.C @ contact.factor.solve(F)
+    by_load -= contact.sliding @ ((free - layers) * by_load)
     c = by_load[:m]
 
     closed, seen = np.ones(m, bool), set()
@@ -181,7 +187,7 @@ def preloaded_contact(
     if not closed.any():
         raise ValueError("the forces open all of the contact; preload it more, or hold the bodies.")
     P = np.where(closed, -kA * (g_0 + d), 0.0)
-    beyond = (layers - free) * (by_load + contact.sliding @ (P + kA * d))
+    beyond = (layers - free) * (by_load + contact.sliding[:, :m] @ (P + kA * d))
     beyond[:m] = P + kA * d
     u = contact.factor.solve(F + contact.C.T @ beyond)
     zero = np.zeros(m)
@@ -224,7 +230,7 @@ def with_friction(
     on = np.tile(state.state != OPEN, 3)
     layers = interface.layers * np.append(on, np.ones(r - 3 * m))
     c = contact.C @ contact.factor.solve(F)
-    both = interface.openings(layers, np.column_stack([c, interface.W[:, across]]))[across]
+    both = interface.openings(layers, np.column_stack([c, interface.W[:, across]]), across)
     c, stuck = both[:, 0], Interface(layers[across], both[:, 1:])
 
     bolts = (contact.facets.area * state.bolts)[closed]

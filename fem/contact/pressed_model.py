@@ -56,6 +56,7 @@ class PressedModel(NamedTuple):
     model: Model
     contact: CondensedContact
     forces: NDArray[np.float64]  # (n,) [N]
+    of_each: list[int]  # facets of each pair of faces
 
 
 def pressed_model(
@@ -89,32 +90,46 @@ def pressed_model(
     except Singular:
         contact = condensed(*parts, bolts=rods.elongation, shift=SHIFT)
 
-    # the zone without friction; facets that slide share the stiffness of the bolt nearest to them
-    state = preloaded_contact(contact, F)
-    shear = []
-    closed = np.split(state.state != OPEN, np.cumsum(of_each)[:-1])
-    for pair, on, f in zip(pairs, closed, faces, strict=True):
-        if not f.bolts:
-            shear.append(np.zeros(len(on)))
-            continue
-        centres = np.array([centre for centre, _ in f.bolts])
-        nearest = np.linalg.norm(pair.points[:, None] - centres, axis=2).argmin(axis=1)
-        zone = np.bincount(nearest, pair.area * on, minlength=len(centres))
-        k = np.array([stiffness for _, stiffness in f.bolts])
-        shear.append((k / np.maximum(zone, pair.area.min()))[nearest])
-    state = state._replace(bolts=np.concatenate(shear), locked=rods.stiffness)
-
-    # then what would slide
-    friction = np.repeat([f.friction for f in faces], of_each)
-    state = with_friction(contact, state, F, friction)
-    state = state.with_roughness(np.repeat([f.rough for f in faces], of_each))
-
+    state = pressed_state(contact, F, faces, of_each, rods.stiffness)
     stresses = stress_stiffness(structure, materials, load, T @ state.u)
     K_G = congruent(T, csr_matrix(stresses + rods.K_G + pressure_stiffness(state)))
     K_0 = (
         model.K0 + congruent(T, rods.K) + K_G + joined_stiffness(contact.C[: 3 * len(hard)], state)
     )
-    return PressedModel(model._replace(K0=K_0.tocsc(), contact=state), contact, F)
+    return PressedModel(model._replace(K0=K_0.tocsc(), contact=state), contact, F, of_each)
+
+
+def pressed_state(
+    contact: CondensedContact,
+    F: NDArray[np.float64],
+    faces: Sequence[PairInContact],
+    of_each: Sequence[int],
+    locked: NDArray[np.float64],
+) -> PreloadedContact:
+    """The state under forces F (n,) [N] of faces with as many facets each, which other forces,
+    friction and roughness change without a factorisation; `locked` (b,) [N/m] are the stiffnesses
+    of the bolts about it. Raises ValueError for forces that open all of the contact."""
+    facets, ends = contact.facets, np.cumsum(of_each)[:-1]
+
+    # the zone without friction; facets that slide share the stiffness of the bolt nearest to them
+    state = preloaded_contact(contact, F)
+    shear = []
+    parts = (np.split(x, ends) for x in (facets.points, facets.area, state.state != OPEN))
+    for points, area, on, f in zip(*parts, faces, strict=True):
+        if not f.bolts:
+            shear.append(np.zeros(len(on)))
+            continue
+        centres = np.array([centre for centre, _ in f.bolts])
+        nearest = np.linalg.norm(points[:, None] - centres, axis=2).argmin(axis=1)
+        zone = np.bincount(nearest, area * on, minlength=len(centres))
+        k = np.array([stiffness for _, stiffness in f.bolts])
+        shear.append((k / np.maximum(zone, area.min()))[nearest])
+    state = state._replace(bolts=np.concatenate(shear), locked=locked)
+
+    # then what would slide
+    friction = np.repeat([f.friction for f in faces], of_each)
+    state = with_friction(contact, state, F, friction)
+    return state.with_roughness(np.repeat([f.rough for f in faces], of_each))
 
 
 def floats(K, T: csr_matrix) -> bool:

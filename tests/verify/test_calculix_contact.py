@@ -1,23 +1,26 @@
-"""Two plates pressed by washers in CalculiX's contact (Debian: calculix-ccx): pressure and zone."""
-
-from os import environ
-from pathlib import Path
-from subprocess import run
-from tempfile import TemporaryDirectory
+"""Two plates pressed by washers in CalculiX's contact (Debian: calculix-ccx): pressure, zone, and
+the modes about that state."""
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 from skfem import MeshHex
 
-from beadwave.fem import Connections, HeldFace, Material, assemble, joined
+from beadwave.fem import Connections, HeldFace, Material, assemble, joined, modes
 from beadwave.fem.assembly.trace import face_mean
 from beadwave.fem.contact.facing_facets import facing_facets
-from beadwave.fem.contact.preloaded_contact import condensed, preloaded_contact
-from beadwave.fem.exchange.abaqus import ORDER, input_deck
+from beadwave.fem.contact.preloaded_contact import (
+    OPEN,
+    SLIDING,
+    condensed,
+    joined_stiffness,
+    preloaded_contact,
+)
 
 from peer_programs import require_program
 from programs.calculix import PACKAGE, PROGRAM
+from programs.calculix_contact import Layer, pressed
 
 pytestmark = pytest.mark.peer
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -25,8 +28,7 @@ HOLE, WASHER, RIM, THICKNESS = 4.5e-3, 6.5e-3, 30e-3, 10e-3  # m
 SOURCE = "CalculiX 2.20, surface-to-surface contact of other facets"
 LAYER = 1e15  # Pa/m in both programs
 FORCE = 3e3  # N on a quarter
-# corners of Abaqus' faces of a hexahedron, S1 to S6
-FACES = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]
+N_MODES = 6
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -52,51 +54,7 @@ def plate(radii, n_around, z):
     )  # fmt: skip
 
 
-def surface(structure, face, name, first):
-    """*SURFACE of a face by its elements, and the elements and faces in the order of its facets."""
-    body, facets = structure.facets(face)
-    basis = structure.basis[body]
-    mesh = basis.mesh
-    corners = basis.element_dofs[0::3][ORDER["C3D20"][:8]]  # by their dofs
-    sides = []
-    for facet in facets:
-        cell = mesh.f2t[0, facet]
-        nodes = {basis.nodal_dofs[0, vertex] for vertex in mesh.facets[:, facet]}
-        (side,) = (i for i, f in enumerate(FACES, 1) if {corners[k, cell] for k in f} == nodes)
-        sides.append((first + cell + 1, side))
-    lines = [f"{element}, S{side}" for element, side in sides]
-    return [f"*SURFACE, NAME={name}, TYPE=ELEMENT", *lines], sides
-
-
-def calculix_pressure(deck, loads, surfaces, sides):
-    """Pressures [Pa] at the closed points of facets, by their elements and faces."""
-    contact = [
-        "*SURFACE INTERACTION, NAME=HARD",
-        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR",
-        f"{LAYER:g}",
-        "*CONTACT PAIR, INTERACTION=HARD, TYPE=SURFACE TO SURFACE",
-        "SLAVE, MASTER",
-    ]
-    step = ["*STEP", "*STATIC", "1., 1.", "*CLOAD", *loads]
-    step += ["*CONTACT PRINT, SLAVE=SLAVE, MASTER=MASTER", "CSTR", "*END STEP"]
-    text = "\n".join([deck.partition("*STEP\n")[0].rstrip(), *surfaces, *contact, *step, ""])
-    with TemporaryDirectory() as folder:
-        (Path(folder) / "deck.inp").write_text(text)
-        out = run(
-            [PROGRAM, "deck"], cwd=folder, capture_output=True, text=True, timeout=1800,
-            env=environ | {"OMP_NUM_THREADS": "1"},  # its threads spin where others want the cores
-        )  # fmt: skip
-        printed = (Path(folder) / "deck.dat").read_text()
-        assert printed.strip(), out.stdout[-2000:]
-    points = {}
-    for line in printed.rpartition("contact stress")[2].splitlines():
-        row = line.split()
-        if len(row) >= 5 and row[0].isdigit():
-            points.setdefault((int(row[0]), int(row[1])), []).append(float(row[-3]))
-    return [points.get(side, []) for side in sides]
-
-
-def test_zone_and_pressure_of_two_pressed_plates(compare):
+def test_zone_pressure_and_modes_of_two_pressed_plates(compare):
     """Meshes that do not match; CalculiX integrates the pressure over the facets of the slave face,
     here it is constant on each. The radius at which the faces part is that of the closed area."""
     fine = np.concatenate([np.linspace(HOLE, WASHER, 4), np.linspace(WASHER, 16e-3, 13)[1:]])
@@ -117,13 +75,19 @@ def test_zone_and_pressure_of_two_pressed_plates(compare):
     state = preloaded_contact(contact, model.T.T @ F.ravel())
     assert state.force == pytest.approx(FORCE, rel=1e-6)
 
-    # the same in CalculiX: nodes as numbered there, loads at them
-    loads = [f"{i + 1}, 3, {F[i, 2]:.12e}" for i in above.node]
-    n_lower = structure.basis["a"].nelems
-    slave, sides = surface(structure, "b:bottom", "SLAVE", n_lower)
-    master, _ = surface(structure, "a:top", "MASTER", 0)
-    deck = input_deck(model, dict.fromkeys(meshes, STEEL))
-    points = calculix_pressure(deck, loads, slave + master, sides)
+    # the same in CalculiX
+    faces = ("b:bottom", "a:top")
+    theirs = pressed(model, dict.fromkeys(meshes, STEEL), faces, F, Layer(LAYER), n_modes=N_MODES)
+    points = theirs.pressure
+
+    # modes about the state, closed facets joined along the normal alone
+    slides = state._replace(state=np.where(state.state == OPEN, OPEN, SLIDING))
+    K = model.K + joined_stiffness(csr_matrix(facets.C @ model.T), slides)
+    ours = modes(K.tocsc(), model.M, N_MODES).frequency_hz
+    compare(
+        "modes of pressed plates without friction, over CalculiX's", ours / theirs.frequency_hz,
+        np.ones(N_MODES), allowed=0.05, source=SOURCE,
+    )  # fmt: skip
 
     # CalculiX prints closed points alone, of as many as the cuts by the other mesh make of a facet:
     # at the rim their number is compared with that of the facet next to it on the inside
@@ -140,10 +104,10 @@ def test_zone_and_pressure_of_two_pressed_plates(compare):
     ]
     compare("radius at which pressed plates part", *radius, allowed=0.05, source=SOURCE)
     within = r < 0.95 * radius[1]
-    theirs = np.array(
+    pressure = np.array(
         [np.mean(p) for p, is_within in zip(points, within, strict=True) if is_within]
     )
     compare(
-        "pressure between pressed plates", state.pressure[within], theirs,
+        "pressure between pressed plates", state.pressure[within], pressure,
         allowed=0.03, source=SOURCE,
     )  # fmt: skip

@@ -19,7 +19,7 @@ from beadwave.workflows.evidence.stability.trials import settled
 QUICK = sorted(
     {*groups.names("stability")} - {"joint-stiffness", "rayleigh-damping", "drift", "unlike-radii"}
 )
-SLOW = {"shaken-phase", "shaken-preload", "shaken-separation"}
+SLOW = {"pressed-faces", "shaken-phase", "shaken-preload", "shaken-separation"}
 HEAVY = ("100000", "x 100", "mass x 1e-06", "1e+06")
 
 

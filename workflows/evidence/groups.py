@@ -21,6 +21,7 @@ MODULES = {  # of a folder: names by module, in the order of the listing
     },
     "stability": {
         "assembly": ["joint-stiffness", "rayleigh-damping"],
+        "bolts": ["pressed-faces"],
         "chains": [
             "young", "unlike-materials", "unlike-radii", "radius", "striker-speed", "preload",
             "sonic-vacuum", "dissipation", "spheres",

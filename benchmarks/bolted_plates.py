@@ -1,0 +1,105 @@
+"""Seconds of a contact under preload beside CalculiX's contact analysis on the same mesh.
+
+You will see two plates of 180 x 80 x 10 mm, held at their ends, that six M8 bolts press: unknowns
+and facets; seconds of the first contact (facets, factor with the compliance of the interface, zone,
+friction), of further preloads, frictions and roughnesses, of a mode at twenty amplitudes, and of
+CalculiX's static step from surface to surface without friction, with one thread each. Modes and the
+mesh's error are not counted.
+
+Run it: python benchmarks/bolted_plates.py [MESH.SCALE] [calculix]
+"""
+
+import sys
+from time import process_time
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from beadwave import fem
+from beadwave.fem.assembly.rods import tightened
+from beadwave.fem.contact.modal_backbone import Loaded, friction_interface, modal_backbone
+from beadwave.fem.contact.pressed_model import PairInContact, pressed_model, pressed_state
+from beadwave.workflows.report.tables import Table, text
+from beadwave.workflows.scene.toml import resolved
+from beadwave.workflows.stages.structure import assembly
+
+from programs.calculix_contact import Layer, pressed
+
+BOLTS = [[0.1, 0.02], [0.13, 0.02], [0.16, 0.02], [0.1, 0.06], [0.13, 0.06], [0.16, 0.06]]
+SHIFT = 0.08  # m, of the second plate along x
+
+
+def main(scale: float = 1.0, *, calculix: bool = False) -> list[tuple]:
+    """Print and return the rows: what was computed, and its seconds."""
+    outline = [[0, 0], [0.18, 0], [0.18, 0.08], [0, 0.08]]
+    at = {"left": BOLTS, "right": [[x - SHIFT, y] for x, y in BOLTS]}
+    bodies = {
+        body: {
+            "plate": {"outline": outline, "thickness": 0.01},
+            "holes": {"diameter": 0.009, "at": holes},
+        }
+        for body, holes in at.items()
+    }
+    bodies["right"]["at"] = [SHIFT, 0.0, 0.01]
+    joint = {"name": "lap", "between": "left|right", "bolt": "M8-8.8", "preload": 12e3}
+    scene = resolved(
+        {
+            "name": "six-bolts",
+            "assembly": {"held": ["left:-x", "right:+x"], "material": "steel", "touching": "free"},
+            "mesh": {"scale": scale},
+            "bodies": bodies,
+            "joints": [joint | {"model": "contact"}],
+        },
+        "six-bolts.toml",
+    )
+    mesh = assembly.mesh(scene)
+    structure = fem.assemble(mesh.meshes, mesh.materials)
+    open_model = fem.joined(structure, mesh.assembled)
+    bolts = [(place.centre, place.stiffness.slipped.kx) for place in mesh.bolted]
+    (tie,) = mesh.contacts
+    rows, started = [], process_time()
+
+    def took(what: str) -> None:
+        nonlocal started
+        rows.append((what, process_time() - started))
+        started = process_time()
+
+    faces = [PairInContact(tie, 0.15, 0.0, bolts)]
+    found = pressed_model(open_model, mesh.materials, fem.Load(rods=mesh.rods), faces)
+    took("first contact")
+    others = [
+        ("a further preload", 0.5, 0.15, 0.0), ("a further friction", 1.0, 0.3, 0.0),
+        ("a further roughness", 1.0, 0.15, 1e-6),
+    ]  # fmt: skip
+    for what, share, friction, rough in others:
+        pair = [PairInContact(tie, friction, rough, bolts)]
+        locked = found.model.contact.locked
+        pressed_state(found.contact, share * found.forces, pair, found.of_each, locked)
+        took(what)
+
+    modes = fem.modes(found.model.K, found.model.M, 3)
+    started = process_time()
+    interface, C = friction_interface(found.model)
+    centres, facets = np.array([centre for centre, _ in bolts]), found.contact.facets
+    groups = np.linalg.norm(facets.points[:, None] - centres, axis=2).argmin(axis=1)
+    phi, omega = modes.phi[:, 0], modes.omega[0]
+    largest = float(np.linalg.norm((found.model.T @ phi).reshape(-1, 3), axis=1).max())
+    loaded = Loaded(interface, csr_matrix(C) @ phi / omega**2, 1 / omega**2)
+    modal_backbone(loaded, facets.area, groups, largest)
+    took("a mode at twenty amplitudes")
+
+    if calculix:
+        F = tightened(structure, mesh.rods).f.reshape(-1, 3)
+        F = np.where(np.abs(F) > 1e-12 * np.abs(F).max(), F, 0.0)
+        layer = Layer(float(np.median(found.contact.stiffness)))
+        theirs = pressed(open_model, dict(mesh.materials), tie[:2], F, layer)
+        rows.append(("CalculiX, static step", theirs.seconds))
+    size = f"{open_model.K.shape[0]} unknowns, {len(facets.area)} facets"
+    print(text(Table("seconds", (size, "seconds"), tuple(rows))))
+    return rows
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, __file__.rpartition("/")[0])
+    scales = [float(word) for word in sys.argv[1:] if word != "calculix"]
+    main(*scales, calculix="calculix" in sys.argv)
