@@ -2,10 +2,10 @@
 
 You will see two plates of 180 x 80 x 10 mm, held at their ends, that six M8 bolts press: unknowns
 and facets; seconds of the first contact (facets, factor with the compliance of the interface, zone,
-friction), of further preloads, frictions and roughnesses, of a mode at twenty amplitudes; with
-`calculix` those of CalculiX's static step from surface to surface without friction, with one thread,
-and the sum of its pressures, which tells whether it converged. Modes and the mesh's error are not
-counted.
+friction), of further preloads, frictions and roughnesses, of a mode at twenty amplitudes. With
+`calculix` also those of CalculiX's static step from surface to surface without friction, with one
+thread, and the sum of its pressures, which tells whether it converged. Modes and the mesh's error
+are not counted.
 
 Run it: python benchmarks/bolted_plates.py [MESH.SCALE] [calculix]
 """
