@@ -107,7 +107,7 @@ def _under(table: UnderTable) -> Under:
 
 
 class Placed(NamedTuple):
-    """Faces, bodies and joints that a scene's words pick, and sizes of elements, before any mesh."""
+    """Faces, bodies and joints that a scene's words pick, and element sizes, before any mesh."""
 
     selection: NamedParts
     ties: list[TouchingPair]
