@@ -110,6 +110,8 @@ def slip_displacements(backbones: Mapping[int, ModalBackbone]) -> NDArray[np.flo
 def amplitude_picture(rows: Sequence[AmplitudeRow]) -> Picture:
     """Frequency over its value at the least amplitude, and loss factor, over amplitude."""
     figure, (above, below) = plots.subplots(2, 1, (7, 6), sharex=True)
+    # three decades of losses; those of single facets below them tell nothing
+    least = max(1e-3 * max((row.loss_factor for row in rows), default=0.0), 1e-7)
     for mode in dict.fromkeys(row.mode for row in rows):
         of_mode = [row for row in rows if row.mode == mode]
         x = [1e6 * row.displacement_m for row in of_mode]
@@ -120,12 +122,13 @@ def amplitude_picture(rows: Sequence[AmplitudeRow]) -> Picture:
             x, [_without_rounding(row.loss_factor) or np.nan for row in of_mode], ".-"
         )
         bounds = [
-            [max(row.loss_factor + sign * row.loss_deviation, 1e-7) for row in of_mode]
+            [max(row.loss_factor + sign * row.loss_deviation, least) for row in of_mode]
             for sign in (-1, 1)
         ]
         below.fill_between(x, *bounds, color=line.get_color(), alpha=0.12, linewidth=0)
     above.set_xscale("log")
     below.set_yscale("log")
+    below.set_ylim(bottom=least)
     above.set_ylabel("change of frequency [%]")
     below.set_ylabel("loss factor")
     below.set_xlabel("amplitude of the point that moves most [um]")
