@@ -49,7 +49,7 @@ CONTRACT = {
 BESIDE = {
     "verdict", "reduction", "wall_contact", "command", "date", "modes",
     "seconds", "sensors", "sources", "load_factor", "errors", "friction", "synthetic",
-    "error_spheres", "sphere_errors_m_s", "mesh", "crystal", "chains",
+    "error_spheres", "sphere_errors_m_s", "mesh", "crystal", "chains", "contact", "amplitudes",
 }  # fmt: skip
 
 
