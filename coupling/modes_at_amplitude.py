@@ -56,7 +56,7 @@ class Backbone(NamedTuple):
 
 
 class ModeAtAmplitude(NamedTuple):
-    """What the amplitude of a mode changes of it."""
+    """Frequency and damping of a mode at an amplitude."""
 
     number: int
     linear_hz: float
