@@ -7,8 +7,9 @@ what is printed with the text block below.
 
 A line that fails ends it. Blocks of `console` are not run: they install, or need what is not here.
 What a page leaves out by a line `...` is not compared, nor are columns, folds of lines, seconds and
-megabytes; numbers are compared within `Tolerance`, errors within a factor alone: an error is the
-difference of two runs, whose last digits another processor rounds differently.
+megabytes; numbers are compared within `Tolerance`, errors within a factor alone, those in a column
+`±` or `+-` too: an error is the difference of two runs, whose last digits another processor rounds
+differently.
 """
 
 import os
@@ -28,19 +29,23 @@ DOCS = Path(__file__).parent
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.M | re.S)
 # of stages: others each time
 SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
-# what a run took and what it used: others each time, or on another processor
-COST = re.compile(r"(?<![\w.])\d+(?:\.\d+)? (?:s|min|h|kB|MB|GB|evaluations|independent samples)\b")
-# a relative error: behind ± or by its name in the list of a run's errors
+# what a run took and what it used: others each time, or on another processor; a sentence may be
+# folded before the unit
+COST = re.compile(
+    r"(?<![\w.])\d+(?:\.\d+)?(?: |\n +)(?:s|min|h|kB|MB|GB|evaluations|independent samples)\b"
+)
+# an error: behind ± in any unit, a relative one by its name in the list of a run's errors
 ERROR = re.compile(
-    rf"(?P<name>±|\b(?:{'|'.join([*ERRORS, 'energy balance'])}))"
-    r"\s(?P<value>\d+(?:\.\d+)?(?:e[-+]?\d+)?)\s(?P<unit>%|ppm)"
+    rf"(?:(?P<sign>±)|\b(?P<name>{'|'.join([*ERRORS, 'energy balance'])}))"
+    r"\s(?P<value>\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?P<unit>(?(sign)(?:\s(?:%|ppm))?|\s(?:%|ppm)))"
 )
 TOKEN = re.compile(
     rf"{ERROR.pattern}"
-    r"|(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"  # a number, thousands apart by a space
-    r"|\w+|(?P<sign>[^\w\s])(?P=sign)*"  # a word; a sign, or a rule of them
+    r"|(?<!\w)[-+]?\d+(?: \d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?:\s?%)?"  # a blank between thousands
+    r"|\w+|(?P<repeated>[^\w\s])(?P=repeated)*"  # a word; a sign, or a rule of them
 )
-NUMBER = re.compile(r"[-+]?\d[\d .]*(?:e[-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?\d[\d .]*(?:e[-+]?\d+)?(?P<percent>\s?%)?")
+ERROR_COLUMN = re.compile(r"(?:±|\+-)(?=  |$)")  # in the head of a table, whose cells end with it
 LEFT_OUT = "..."  # a line in place of others
 WIDTH = 100  # of sentences, as on a terminal; what the pages have room for
 HEAD, TAIL = 18, 8  # lines of a long output that are shown
@@ -52,7 +57,9 @@ class Tolerance(NamedTuple):
 
     # of its value; other processors and libraries move errors of errors by that, results by less
     relative: float = 0.01
-    last_digits: int = 1  # units in the last place, of numbers with a decimal point or exponent
+    # units in the last place, of numbers with a decimal point or exponent and of percentages
+    last_digits: int = 1
+    points: float = 0.01  # of percentages: what two results in each other's relation may move by
     # either way, of a stated error; 1.05 was seen between processors of two makers
     error_factor: float = 1.5
 
@@ -169,16 +176,22 @@ def first_difference(quoted: str, printed: str) -> Difference | None:
 
 
 def tokens(text: str) -> list[Token]:
-    """Words, numbers and signs of a text, costs left out; a rule of signs counts as three."""
-    tokens, timed = [], False
+    """Words, numbers and signs of a text, costs left out; a rule of signs counts as three, a number
+    in a column of errors is one."""
+    tokens: list[Token] = []
+    timed, error_columns = False, set[int]()
+    text = COST.sub(lambda cost: "\n" * cost[0].count("\n"), text)
     for line, content in enumerate(text.splitlines()):
-        timed = timed and bool(content.strip())
+        if not content.strip():  # the end of a table
+            timed, error_columns = False, set()
         if timed:  # a row of a table whose last column is the seconds that each took
             content = content.rstrip().rpartition(" ")[0]
         timed = timed or content.endswith("  seconds")
-        for match in TOKEN.finditer(COST.sub("", content)):
-            word = match[0]
-            tokens.append(Token(word if word[:3] != 3 * word[0] else word[:3], line))
+        for match in TOKEN.finditer(content):
+            word = match[0] if match[0][:3] != 3 * match[0][0] else match[0][:3]
+            is_error = match.end() in error_columns and NUMBER.fullmatch(word)
+            tokens.append(Token(f"± {word}" if is_error else word, line))
+        error_columns |= {match.end() for match in ERROR_COLUMN.finditer(content)}
     return tokens
 
 
@@ -195,15 +208,20 @@ def _same(quoted: str, printed: str, tolerance: Tolerance = Tolerance()) -> bool
         return True
     errors = ERROR.fullmatch(quoted), ERROR.fullmatch(printed)
     if all(errors):
-        a, b = (float(e["value"]) * (1e-2 if e["unit"] == "%" else 1e-6) for e in errors)
+        scale = {"": 1.0, "%": 1e-2, "ppm": 1e-6}
+        a, b = (float(e["value"]) * scale[e["unit"].strip()] for e in errors)
         factor = tolerance.error_factor
         return errors[0]["name"] == errors[1]["name"] and a <= factor * b and b <= factor * a
-    if not (NUMBER.fullmatch(quoted) and NUMBER.fullmatch(printed)):
+    numbers = NUMBER.fullmatch(quoted), NUMBER.fullmatch(printed)
+    if not all(numbers) or (numbers[0]["percent"] is None) != (numbers[1]["percent"] is None):
         return False
-    a, b = Decimal(quoted.replace(" ", "")), Decimal(printed.replace(" ", ""))
-    exact = not set(quoted) & set(".e")  # a count
-    last_digit = 0 if exact else tolerance.last_digits * Decimal(10) ** a.as_tuple().exponent
-    return abs(a - b) <= max(Decimal(tolerance.relative) * max(abs(a), abs(b)), last_digit)
+    a, b = (Decimal(text.replace(" ", "").removesuffix("%")) for text in (quoted, printed))
+    allowed = [Decimal(tolerance.relative) * max(abs(a), abs(b))]
+    if set(quoted) & set(".e%"):  # no count
+        allowed.append(tolerance.last_digits * Decimal(10) ** a.as_tuple().exponent)
+    if "%" in quoted:
+        allowed.append(Decimal(tolerance.points))
+    return abs(a - b) <= max(allowed)
 
 
 def _without_seconds(output: str) -> str:

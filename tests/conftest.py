@@ -60,6 +60,17 @@ def no_lines_of_progress(monkeypatch):
     monkeypatch.setattr("beadwave.workflows.commands.terminal.PATIENCE", 1e4)
 
 
+@pytest.fixture(autouse=True)
+def variables_of_before():
+    """A command sets variables of its process; left there, PYTHONSAFEPATH hid the modules beside a
+    script from the script that a later test ran."""
+    before = dict(environ)
+    yield
+    for name in environ.keys() - before.keys():
+        del environ[name]
+    environ.update(before)
+
+
 @pytest.fixture
 def own_folder(tmp_path, monkeypatch):
     """A test works in a folder of its own, and keeps results there."""

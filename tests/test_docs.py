@@ -111,6 +111,9 @@ mode    Hz  MAC
 case           accurate  seconds
 time-reversal         4     25.2
 
+contact      +-  damping       ±  slips
+      3  0.0031  1.187 %  0.02 %   42 %
+
 21 cases: 21 done; 37.9 s, 120 MB
 """
 
@@ -131,6 +134,11 @@ time-reversal         4     25.2
         ),  # columns are as wide as their widest cell
         ("---------------", "----------------"),
         ("done; 37.9 s,", "done;\n  37.9 s,"),  # folded elsewhere
+        ("37.9 s,", "41\n  s,"),
+        ("0.0031", "0.0045"),  # an error, by its column
+        ("  0.02 %", "  0.03 %"),
+        ("42 %", "41 %"),  # a share
+        ("0.0031  1.187 %  0.02 %", " 0.003  1.191 % 0.025 %"),
         ("...\n   9", "   2  99.9  1.00\n   9"),  # what the page leaves out
         ("...\n   9", "   9"),
         ("25.2", "0.313"),
@@ -158,8 +166,14 @@ def test_a_page_may_differ_from_what_is_printed_by(quoted, printed):
         ("   1  61.2  1.00\n", "", 4),
         ("   9  4126  0.98\n", "", 6),
         ("4     25.2", "5     25.2", 9),  # counts are the same or not
-        ("21 cases", "22 cases", 11),
-        ("120 MB\n", "120 MB\nwritten: x\n", 12),  # a line more at the end
+        ("0.0031", "0.0048", 12),
+        ("0.02 %", "0.02", 12),
+        ("1.187 %", "1.206 %", 12),
+        ("42 %", "44 %", 12),
+        ("42 %", "42", 12),
+        ("      3  0", "      4  0", 12),
+        ("21 cases", "22 cases", 14),
+        ("120 MB\n", "120 MB\nwritten: x\n", 15),  # a line more at the end
     ],
 )
 def test_a_page_may_not_differ_from_what_is_printed_by(quoted, printed, line):

@@ -315,7 +315,6 @@ def test_cells_grow_from_an_overlap_that_is_next_to_nothing():
             forces.append(cell_force(cells, LAW)[0])
         print(*forces)
     """
-    # the folders by name: commands that an earlier test ran leave PYTHONSAFEPATH set
     folders = (Path(__file__).parent, Path(__file__).parents[1] / "support")
     folder = {"PYTHONPATH": os.pathsep.join(map(str, folders))}
     run = subprocess.run(
