@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse import csr_matrix, diags_array, vstack
 from scipy.spatial import cKDTree
 
@@ -114,6 +115,28 @@ class CondensedContact(NamedTuple):
     interface: Interface
     factor: Factor  # of K_r
     sliding: NDArray[np.float64]  # (r, r) [m/N] W without friction
+
+    def solver(self, layers: NDArray[np.float64]) -> "ChangedFactor":
+        """The factor with other layers (r,) [N/m], (1 + W D)^-1 of those that change."""
+        change = layers - self.interface.layers
+        rows = np.flatnonzero(change)
+        own = np.eye(len(rows)) + self.interface.W[np.ix_(rows, rows)] * change[rows]
+        return ChangedFactor(self.factor, csr_matrix(self.C[rows]), change[rows], lu_factor(own))
+
+
+class ChangedFactor(NamedTuple):
+    """A factor of K_r + C^T D C by that of K_r, of r rows that change."""
+
+    factor: Factor
+    C: csr_matrix  # (r, n)
+    change: NDArray[np.float64]  # (r,) [N/m] D
+    own: tuple[NDArray[np.float64], NDArray[np.int32]]  # LU of 1 + W D
+
+    def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+        """x of (K_r + C^T D C) x = b (n, k)."""
+        x = self.factor.solve(b)
+        forces = self.change[:, None] * lu_solve(self.own, self.C @ x)
+        return x - self.factor.solve(self.C.T @ forces)
 
 
 def condensed(

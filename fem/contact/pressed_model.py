@@ -50,25 +50,27 @@ class PairInContact(NamedTuple):
     bolts: Sequence[tuple[NDArray[np.float64], float]] = ()
 
 
-class PressedModel(NamedTuple):
-    """What further preloads, friction and roughness need besides the linear model."""
+class PressedAssembly(NamedTuple):
+    """An assembly whose faces are condensed once: other tensions of its rods, other frictions and
+    roughnesses need no other factorisation."""
 
-    model: Model
+    model: Model  # with its faces open
+    materials: Mapping[str, Material | Orthotropic]
     contact: CondensedContact
-    forces: NDArray[np.float64]  # (n,) [N]
     of_each: list[int]  # facets of each pair of faces
+    shift: float  # [rad^2/s^2] of the reference, 0 where contact and bolts hold the bodies
 
 
-def pressed_model(
+def pressed_assembly(
     model: Model,
     materials: Mapping[str, Material | Orthotropic],
     load: Load,
     faces: Sequence[PairInContact],
-) -> PressedModel:
-    """The model about its state under loads, whose rods press the faces.
+) -> PressedAssembly:
+    """The faces of a model condensed, with rods where the load has them.
 
-    Raises ValueError for faces that are not plane or have nothing in common, for rods that
-    `tightened` refuses, and for loads that open all of the contact.
+    Raises ValueError for faces that are not plane or have nothing in common, and for rods that
+    `tightened` refuses.
     """
     structure, T = model.structure, model.T
     pairs = [facing_facets(structure, *f.pair[:2], gap=f.pair.gap) for f in faces]
@@ -79,24 +81,32 @@ def pressed_model(
     ]
     hard = HARD * np.repeat(young, of_each) / np.sqrt(facets.whole)
 
-    rods = tightened(structure, load.rods)
-    F = T.T @ (static_forces(structure, materials, load) + rods.f)
     # while bolts are tightened they have their tension and no stiffness
     parts = model.K, model.M, T, facets, hard
+    bolts = tightened(structure, load.rods).elongation
     try:
         if floats(model.K, T):
             raise Singular(NEITHER)
-        contact = condensed(*parts, bolts=rods.elongation)
+        return PressedAssembly(model, materials, condensed(*parts, bolts=bolts), of_each, 0.0)
     except Singular:
-        contact = condensed(*parts, bolts=rods.elongation, shift=SHIFT)
+        contact = condensed(*parts, bolts=bolts, shift=SHIFT)
+        return PressedAssembly(model, materials, contact, of_each, SHIFT)
 
-    state = pressed_state(contact, F, faces, of_each, rods.stiffness)
-    stresses = stress_stiffness(structure, materials, load, T @ state.u)
+
+def pressed_model(assembly: PressedAssembly, load: Load, faces: Sequence[PairInContact]) -> Model:
+    """The model about its state under loads, whose rods press the faces; rods and faces are those
+    of the assembly, with tensions, frictions and layers of their own. Raises ValueError for loads
+    that open all of the contact."""
+    model, contact = assembly.model, assembly.contact
+    structure, T = model.structure, model.T
+    rods = tightened(structure, load.rods)
+    F = T.T @ (static_forces(structure, assembly.materials, load) + rods.f)
+    state = pressed_state(contact, F, faces, assembly.of_each, rods.stiffness)
+    stresses = stress_stiffness(structure, assembly.materials, load, T @ state.u)
     K_G = congruent(T, csr_matrix(stresses + rods.K_G + pressure_stiffness(state)))
-    K_0 = (
-        model.K0 + congruent(T, rods.K) + K_G + joined_stiffness(contact.C[: 3 * len(hard)], state)
-    )
-    return PressedModel(model._replace(K0=K_0.tocsc(), contact=state), contact, F, of_each)
+    K_0 = model.K0 + congruent(T, rods.K) + K_G
+    K_0 = K_0 + joined_stiffness(contact.C[: 3 * len(state.pressure)], state)
+    return model._replace(K0=K_0.tocsc(), contact=state)
 
 
 def pressed_state(

@@ -7,8 +7,9 @@ from skfem import MeshHex
 from beadwave.fem import Connections, HeldFace, Load, Material, Rod, Tie, assemble, joined, modes
 from beadwave.fem.assembly.trace import face_mean
 from beadwave.fem.contact.facing_facets import clipped, facing_facets
+from beadwave.fem.contact.further_states import modes_about
 from beadwave.fem.contact.preloaded_contact import OPEN, SLIDING, condensed, preloaded_contact
-from beadwave.fem.contact.pressed_model import PairInContact, pressed_model
+from beadwave.fem.contact.pressed_model import PairInContact, pressed_assembly, pressed_model
 
 E = 210e9
 STEEL = Material(E, 0.3, 7850.0)
@@ -124,14 +125,22 @@ def test_a_gap_of_a_sphere_gives_hertz_pressure_and_zone():
     assert np.all(state.gap[state.state == OPEN] >= 0)
 
 
+def pressing(tension, friction, rough=0.0):
+    """The rod between the outer faces of two blocks, and the faces that it presses."""
+    load = Load(rods=[Rod("a:bottom", "b:top", tension, 1e8)])
+    pair, bolt = Tie("b:bottom", "a:top"), (np.array([0.01, 0.01, HEIGHT]), 1e7)
+    return load, [PairInContact(pair, friction, rough, [bolt])]
+
+
+def condensed_blocks():
+    """Two free blocks whose faces are condensed."""
+    open_model = joined(two_blocks(2, 3), Connections())
+    return pressed_assembly(open_model, {"a": STEEL, "b": STEEL}, *pressing(1.0, 0.0))
+
+
 def pressed(tension, friction, rough=0.0):
     """Two free blocks that a rod between their outer faces presses."""
-    structure = two_blocks(2, 3)
-    open_model = joined(structure, Connections())
-    load = Load(rods=[Rod("a:bottom", "b:top", tension, 1e8)])
-    pair = Tie("b:bottom", "a:top")
-    faces = [PairInContact(pair, friction, rough, [(np.array([0.01, 0.01, HEIGHT]), 1e7)])]
-    return pressed_model(open_model, {"a": STEEL, "b": STEEL}, load, faces).model
+    return pressed_model(condensed_blocks(), *pressing(tension, friction, rough))
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -162,6 +171,25 @@ def test_rough_faces_stiffen_with_preload_and_friction_adds_stiffness():
     model = pressed(1e4, 0.0)
     assert set(model.contact.state) == {SLIDING}
     assert np.all(modes(model.K, model.M, 8).frequency_hz[6:] < hard)
+
+
+@pytest.mark.parametrize("further", [(1e4, 0.3, 1e-6), (1e6, 0.0, 0.0), (10.0, 0.3, 1e-7)])
+def test_modes_about_further_states_are_those_of_a_factor_of_their_own(further):
+    """From modes about another state, to the error that is asked; geometric stiffness included,
+    which at 1 MN is a thousandth of K."""
+    blocks = condensed_blocks()
+    first = pressed_model(blocks, *pressing(1e4, 0.3))
+    known = modes(first.K, first.M, 24).phi
+    other = pressed_model(blocks, *pressing(*further))
+    found = modes_about(blocks, other, known, 16, error=1e-7)
+    exact = modes(other.K, other.M, 16).omega
+    assert found.error < 1e-7
+    np.testing.assert_allclose(found.modes.omega[6:], exact[6:], rtol=1e-7)
+    assert np.all(found.modes.omega[:6] < 1e-3 * exact[6])
+    phi = found.modes.phi[:, 6:]
+    residual = other.K @ phi - (other.M @ phi) * found.modes.omega[6:] ** 2
+    force = np.linalg.norm((other.M @ phi) * found.modes.omega[6:] ** 2, axis=0)
+    assert np.all(np.linalg.norm(residual, axis=0) < 1e-2 * force)
 
 
 def test_forces_that_open_the_contact_are_refused():

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from beadwave import InvalidScene
+from beadwave import InvalidScene, modes, sweep
 from beadwave.fem.modes.mac import BodyForms, BodyMotion
 from beadwave.fem.updating.tuning import TuningBasis, TuningParameter, tune
 from beadwave.workflows.scene.toml import resolved, toml
@@ -234,6 +234,49 @@ def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp
     for one, other in zip(elastic[:6], springs[:6], strict=True):
         spread = np.hypot(one["deviation_hz"], other["deviation_hz"])
         assert abs(one["frequency_hz"] - other["frequency_hz"]) < 2 * spread
+
+
+@pytest.mark.slow
+def test_a_sweep_over_preload_and_friction_has_the_numbers_of_separate_runs(
+    table, tmp_path, monkeypatch
+):
+    """To the error of 1e-6 that the modes of a family have; the mesh and the factor of the first
+    case serve all of them, in whichever order other keys come."""
+    condensations = []
+    condensed = assembly.pressed_assembly
+    monkeypatch.setattr(
+        assembly, "pressed_assembly", lambda *a: condensations.append(1) or condensed(*a)
+    )
+    contact = {"joints.lap.model": "contact"}
+    over = {
+        "joints.lap.preload": [4e3, 16e3],
+        "joints.lap.friction": [0.05, 0.3],
+        "joints.lap.roughness.Ra": [1e-7, 3e-6],
+    }
+    found = sweep(table, contact, over=over, out=tmp_path / "sweep").data()
+    assert len(found) == 8 and set(found["status"]) == {"done"}
+    assert len(condensations) == 1
+    for case in (1, 6):
+        row = found.iloc[case]
+        own = modes(table, contact | {key: float(row[key]) for key in over}).table
+        hz = [mode.frequency_hz for mode in own.rows[6:18]]
+        swept = [row[f"mode_{number}_hz"] for number in range(7, 19)]
+        np.testing.assert_allclose(swept, hz, rtol=1e-6)
+        for name in ("zone_area_m2", "pressure_max_Pa", "force_N", "stuck_share"):
+            assert row[f"lap_{name}"] == pytest.approx(getattr(own.contact[0], name), rel=1e-9)
+    assert found["error_mesh"].between(1e-3, 0.3).all()
+
+
+def test_a_sweep_of_a_beam_without_a_chain_has_its_modes(tmp_path):
+    """Slender hinged steel bars: half the length, four times the frequency; a bad case is a row
+    with its sentence."""
+    steel = {"young": 210e9, "poisson": 0.3, "density": 7800.0}
+    beam = {"width": 0.02, "thickness": 1e-3, "left": "hinged", "right": "hinged"}
+    tables = {"name": "beam", "beam": {"length": 0.4, "position": 0.1, **beam, **steel}}
+    found = sweep(tables, over={"beam.length": [0.4, 0.8, 1e-4]}, out=tmp_path / "sweep").data()
+    assert found["status"].tolist() == ["done", "done", "refused"]
+    assert found["mode_1_hz"][0] == pytest.approx(4 * found["mode_1_hz"][1], rel=1e-3)
+    assert found["error_mesh"][0] < 0.01
 
 
 @pytest.mark.slow

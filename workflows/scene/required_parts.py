@@ -16,6 +16,11 @@ def with_chains(scene: Scene) -> Scene:
     return _with(scene, scene.chain or scene.chains, "[chain]; add one, or take rig-1dof")
 
 
+def with_chains_or_structure(scene: Scene) -> Scene:
+    """A scene with a chain or with several, or with finite elements alone."""
+    return with_chains(scene) if scene.crystal or not scene.has_structure else scene
+
+
 def with_spheres(scene: Scene) -> Scene:
     """A scene with a chain, with several, or with a crystal."""
     lacking = "[chain] and no [crystal]; add one, or take rig-1dof"

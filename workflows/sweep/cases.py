@@ -9,7 +9,7 @@ import numpy as np
 
 from beadwave.workflows.files.scene import Changes, Source, Written, completed, each, written
 from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
-from beadwave.workflows.scene.required_parts import with_chains
+from beadwave.workflows.scene.required_parts import with_chains_or_structure
 from beadwave.workflows.scene.toml import changed, keys_set
 from beadwave.workflows.stages.chain.chain import TOGETHER
 from beadwave.workflows.sweep.core.case_row import Watched
@@ -30,7 +30,7 @@ class Base(NamedTuple):
         # the kind of a table first, since to change it drops the other keys of the table
         ordered = sorted(values.items(), key=lambda pair: not pair[0].endswith(".kind"))
         tables = changed(self.written.tables, ordered)
-        scene = with_chains(completed(self.written._replace(tables=tables)))
+        scene = with_chains_or_structure(completed(self.written._replace(tables=tables)))
         meshed = any(key.startswith("mesh.") for key in values)
         return scene if meshed or self.sizes_of is None else scene.with_sizes_of(self.sizes_of)
 
@@ -52,6 +52,8 @@ class Base(NamedTuple):
 
 def watched(scene: Scene) -> Watched:
     """The spheres of a scene that its table has waves of."""
+    if not (scene.chain or scene.chains):
+        return {}
     spheres = scene.output.spheres
     if scene.chain:
         return {"": spheres}
@@ -159,7 +161,7 @@ class CheckedGroup:
     def side_by_side(self) -> bool:
         """True if its chains may march side by side."""
         scene = self.scene
-        if scene.chains:
+        if not scene.chain:
             return False
         differs = {key.split(".")[0] for key in self.group.columns}
         return not (

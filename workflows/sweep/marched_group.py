@@ -43,6 +43,12 @@ def rows(checked: CheckedGroup, shared: SharedWall, signals: bool) -> list[Rows]
         failed = without_result(watched, group.cases, FAILED, sentences, across=checked.across)
         return [*finished, failed]
 
+    # cases without a chain have modes
+    if shared.source is not None:
+        from beadwave.workflows.sweep.modal_cases import rows_of_modes  # finite elements
+
+        return finished + rows_of_modes(checked, group, shared.source)
+
     # cases that march; the batch takes walls of oscillators alone
     side_by_side = checked.side_by_side and not isinstance(shared.wall, coupling.CoupledWall)
     if scene.chains:

@@ -37,10 +37,12 @@ FURTHER = (
 
 
 class Source(NamedTuple):
-    """The scene whose assembly is reduced, and the springs of its joints that cases vary."""
+    """The scene whose assembly is reduced, the springs of its joints that cases vary, and what it
+    shares with others that differ in preload, friction or roughness."""
 
     scene: Scene
     springs: tuple[str, ...] = ()  # "joint.direction"
+    family: Any = None  # a PressedFamily, which stays in its process
 
     @property
     def stages(self) -> tuple[str, str]:
@@ -54,7 +56,14 @@ class Source(NamedTuple):
     @property
     def pipeline(self) -> Pipeline:
         """Stages of the scene, kept as those of a run are."""
-        return pipeline_of(self.scene, lambda name: nullcontext(), FURTHER)
+        if self.family is None:
+            return pipeline_of(self.scene, lambda name: nullcontext(), FURTHER)
+        # finite elements
+        from beadwave.workflows.stages.structure.pressed_family import FAMILY, STAGES
+
+        pipeline = pipeline_of(self.scene, lambda name: nullcontext(), (*FURTHER, *STAGES))
+        pipeline.give(FAMILY, self.family)
+        return pipeline
 
 
 class Models(NamedTuple):
@@ -78,11 +87,17 @@ class SharedWall(NamedTuple):
     failure: str = ""
     message: str = ""  # on the mesh, in the row of each case
     surface: Any = None  # rom.Contact of the face struck; ChainContacts of several chains
+    source: Source | None = None  # of a scene without a chain
+
+
+def has_spheres(scene: Scene) -> bool:
+    """True of one chain or several; the rows of other scenes are of their modes."""
+    return bool(scene.chain or scene.chains)
 
 
 def models_key(source: Source) -> str | None:
     """A key that is equal for sources with the same models; None where none is computed."""
-    if not needs_structure(source.scene):
+    if not (needs_structure(source.scene) and has_spheres(source.scene)):
         return None
     return "".join(source.pipeline.key(stage) for stage in source.stages)
 
@@ -129,6 +144,8 @@ def shared_wall(scene: Scene, source: Source, models: Models | str | None) -> Sh
     computed."""
     if isinstance(models, str):
         return SharedWall(failure=models)
+    if not has_spheres(scene):
+        return SharedWall(source=source)
     try:
         if scene.chains:
             structure = several.structure(scene, models.reduction, models.second)

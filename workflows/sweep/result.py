@@ -21,6 +21,7 @@ from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.core.effects import Effects, rank_correlations, sobol_effects
 from beadwave.workflows.sweep.store import ABOUT, SIGNALS, TABLE
 
+N_DRAWN = 6  # modes of scenes without a chain that are drawn by default
 SHOWN = 40  # cases of a table on a terminal
 MAIN = ("echo_delay_s", "echo_ratio")
 ERRORS = ("error_time", "error_reduction", "error_mesh")  # columns, of the striker's speed
@@ -75,6 +76,9 @@ class Sweep:
         waves = [name for names in chains.values() for name in names[-len(MAIN) :]]
         walls = (f"{chain}wall_peak_force_N" for chain in chains or [""])
         further = (*walls, "surface_velocity_ratio", "loop_energy_J")
+        modes = [name for name in self.outputs if name.endswith("_hz")]
+        if modes:
+            return tuple(modes[:N_DRAWN])
         return (*waves, *(n for n in self.outputs if n in further))
 
     def data(self) -> Any:
@@ -215,14 +219,15 @@ class Sweep:
 def _of_large_errors(columns: dict[str, Array], rows: str) -> Iterator[str]:
     """Sentences on the rows, "cases" or "points", whose errors are large."""
     has_result = columns["status"] == DONE
-    n = has_result.sum()
+    n, no_errors = has_result.sum(), np.zeros(len(has_result))
     for source in ("reduction", "mesh"):
-        error = columns[f"error_{source}"][has_result]
+        error = columns.get(f"error_{source}", no_errors)[has_result]
         large = error > LARGE_ERROR
         if large.any():
+            of = "the striker's speed" if "error_reduction" in columns else "a frequency"
             yield (
-                f"The error of the {source} is above {100 * LARGE_ERROR:g} % of the striker's "
-                f"speed {'at' if rows == 'points' else 'in'} {large.sum()} of {n} {rows}, "
+                f"The error of the {source} is above {100 * LARGE_ERROR:g} % of {of} "
+                f"{'at' if rows == 'points' else 'in'} {large.sum()} of {n} {rows}, "
                 f"{100 * np.nanmax(error):.2g} % at the worst, see error_{source} in the table: "
                 f"{CURES[source]}."
             )

@@ -57,7 +57,7 @@ class Store:
         self._folder = folder
         self._inputs = inputs
         self._design = design
-        self._spheres = scene.output.spheres
+        self._spheres = scene.output.spheres if scene.output else ()
         self._signals = signals
         columns = design.columns.items()
         self._kinds = {key: {type(value) for value in values} for key, values in columns}

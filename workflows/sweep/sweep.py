@@ -83,7 +83,7 @@ def sweep(
     progress(n_done, design.n_cases)
 
     # cases are grouped and checked as they are reached: a design may have millions
-    groups = sharings(base, design, missing, signals)
+    groups = sharings(base, design, missing, signals, here=engine is None)
     for rows_of_task in (engine or _in_this_process)(groups):
         for piece in rows_of_task:
             store.add(piece)

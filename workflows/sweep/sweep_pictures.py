@@ -14,7 +14,9 @@ from beadwave.workflows.report.plots import (
 )
 from beadwave.workflows.scene import InvalidScene
 
-ENDINGS = (("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0))
+ENDINGS = (
+    ("_m_s", "m/s", 1.0), ("_s", "\N{MICRO SIGN}s", 1e6), ("_N", "N", 1.0), ("_hz", "Hz", 1.0)
+)  # fmt: skip
 Array = np.ndarray
 
 

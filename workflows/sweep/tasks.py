@@ -30,9 +30,42 @@ class Sharing(NamedTuple):
     tasks: list[Task]
 
 
-def sharings(base: Base, design: Design, cases: list[int], signals: bool) -> Iterator[Sharing]:
-    """For each group of these cases, the tasks that share its wall."""
-    return (sharing(base, design, group, signals) for group in groups(base, design, cases))
+def sharings(
+    base: Base, design: Design, cases: list[int], signals: bool, *, here: bool = False
+) -> Iterator[Sharing]:
+    """For each group of these cases, the tasks that share its wall. Those computed `here`, in this
+    process, that differ in preload, friction and roughness follow each other and share the rest."""
+    if not here or not (varied := pressed_keys(base, design)):
+        yield from (sharing(base, design, group, signals) for group in groups(base, design, cases))
+        return
+    from beadwave.workflows.stages.structure.pressed_family import PressedFamily
+
+    others = [key for key in design.keys if key not in varied]
+    by_values: dict[str, list[int]] = {}
+    for i in cases:
+        by_values.setdefault(repr([design.columns[key][i] for key in others]), []).append(i)
+    for alike in by_values.values():
+        family = None
+        for group in groups(base, design, alike):
+            of_group = sharing(base, design, group, signals)
+            if of_group.source is not None and not of_group.source.springs:
+                family = family or PressedFamily(of_group.source.pipeline)
+                source = of_group.source._replace(family=family)
+                of_group = of_group._replace(source=source, key=models_key(source))
+            yield of_group
+
+
+def pressed_keys(base: Base, design: Design) -> list[str]:
+    """Keys of the design that leave the interface of faces in contact as it is condensed."""
+    try:
+        scene = base.with_values(design.case(0))
+    except InvalidScene:
+        return []
+    if not any(joint.model == "contact" for joint in scene.bushings.values()):
+        return []
+    from beadwave.workflows.stages.structure.pressed_family import varied
+
+    return varied(scene, design.columns)
 
 
 def sharing(base: Base, design: Design, group: Group, signals: bool) -> Sharing:

@@ -9,7 +9,12 @@ from skfem import MeshHex
 from beadwave import fem
 from beadwave.fem.assembly.rods import tightened
 from beadwave.fem.contact.preloaded_contact import OPEN
-from beadwave.fem.contact.pressed_model import SHIFT, PairInContact, pressed_model
+from beadwave.fem.contact.pressed_model import (
+    SHIFT,
+    PairInContact,
+    pressed_assembly,
+    pressed_model,
+)
 from beadwave.workflows.evidence.harness import Outcome, Trial
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
@@ -56,13 +61,15 @@ def two_plates(
     load = fem.Load(rods=[fem.Rod("a:head", "b:head", preload, 1e8)])
     bolts = [(np.zeros(3), 1e7)]
     faces = [PairInContact(fem.Tie("b:inner", "a:inner"), friction, 0.0, bolts)]
-    found = pressed_model(open_model, dict.fromkeys(meshes, STEEL), load, faces)
-    state, model = found.model.contact, found.model
+    assembly = pressed_assembly(open_model, dict.fromkeys(meshes, STEEL), load, faces)
+    model = pressed_model(assembly, load, faces)
+    state = model.contact
 
     # the state without friction: K u = F + C^T P, faces neither overlap nor pull
     m, P = len(state.pressure), state.pressure * state.facets.area
     F = open_model.T.T @ tightened(structure, load.rods).f
-    left = open_model.K @ state.u + SHIFT * (open_model.M @ state.u) - F - found.contact.C[:m].T @ P
+    left = open_model.K @ state.u + SHIFT * (open_model.M @ state.u)
+    left -= F + assembly.contact.C[:m].T @ P
     layer = state.hard * state.facets.area
     moved = np.abs(state.u).max()
     on = state.state != OPEN

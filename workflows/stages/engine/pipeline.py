@@ -48,7 +48,7 @@ class Pipeline:
     ) -> None:
         self.scene = scene
         self.reports: list[StageReport] = []
-        self._stages = stages_of(scene) | {stage.name: stage for stage in further}
+        self._stages = stages_of(scene, further)
         self._results: dict[str, Any] = {}
         self._keys: dict[str, str] = {}
         self._computed: set[str] = set()
@@ -65,6 +65,10 @@ class Pipeline:
             self._results[name] = self._timed(name)
             self._let_go(self._stages[name].needs + self._stages[name].means)
         return self._results[name]
+
+    def give(self, name: str, result: Any) -> None:
+        """Take a stage's result from elsewhere."""
+        self._results[name] = result
 
     def _let_go(self, names: tuple[str, ...]) -> None:
         """Of these what is large and no stage needs any more."""

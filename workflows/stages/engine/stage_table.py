@@ -4,7 +4,7 @@ A stage's first row whose `when` holds of a scene is the scene's. A need that a 
 for is not handed in: of a chain before a rigid wall the page needs no files of a model.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from os import environ
 from pathlib import Path
@@ -196,7 +196,7 @@ def _reduced(scene: Scene) -> Any:
     return [tables, words_of(scene), *shared]
 
 
-def _dimensions(scene: Scene) -> Any:
+def dimensions(scene: Scene) -> Any:
     """Input of a mesh: bodies, their contacts, sizes of elements, the faces that are named."""
     tables = tables_of(*BODIES, "mesh")(scene)
     if grids := scene.grids:
@@ -243,10 +243,10 @@ BODIES = ("assembly", "bodies", "materials", "ties", "joints", "strike", "loads"
 
 def _chosen(scene: Scene) -> Any:
     """Input of the search for sizes of elements."""
-    return [read(scene.sizes_of) for read in (_dimensions, _joined, _targets)]
+    return [read(scene.sizes_of) for read in (dimensions, joined, _targets)]
 
 
-def _joined(scene: Scene) -> Any:
+def joined(scene: Scene) -> Any:
     """Joints of the bodies, and their partners."""
     tables = tables_of("assembly", "joints", "table", "masses", "springs", "measured")(scene)
     if scene.measured:
@@ -256,7 +256,7 @@ def _joined(scene: Scene) -> Any:
 
 def _coarse(scene: Scene) -> Any:
     """Joints and strike of a second mesh; its bodies are in the key of the mesh."""
-    return [_joined(scene), tables_of("strike")(scene)]
+    return [joined(scene), tables_of("strike")(scene)]
 
 
 START = (
@@ -297,11 +297,11 @@ STAGES = (
         when=has_sizes_chosen, listed=False,
     ),
     Stage(
-        "mesh", ".structure.assembly:mesh", _dimensions, ("sizes",), kept=False, within="search"
+        "mesh", ".structure.assembly:mesh", dimensions, ("sizes",), kept=False, within="search"
     ),
     Stage("model", ".structure.bending:model", tables_of(*BENT), when=bent, kept=False),
     Stage(
-        "model", ".structure.assembly:model", _joined, ("mesh",), kept=False, within="search"
+        "model", ".structure.assembly:model", joined, ("mesh",), kept=False, within="search"
     ),
     Stage("tuning-basis", ".structure.assembly:tuning_basis", _targets, ("model",)),
     Stage(
@@ -534,7 +534,7 @@ STAGES = (
     Stage(
         "chains-mesh-errors", ".errors.chains_mesh_error:mesh_errors",
         lambda scene: [
-            read(scene) for read in (_joined, _reduced, _wall_reads, _places, _each_chain)
+            read(scene) for read in (joined, _reduced, _wall_reads, _places, _each_chain)
         ],
         ("chains", "chains-march", "mesh", "modes"), when=has_chains,
     ),
@@ -726,11 +726,11 @@ STAGES = (
 )  # fmt: skip
 
 
-def stages_of(scene: Scene) -> dict[str, Stage]:
-    """The stages that a run of this scene may ask for, by their names; what it never asks for costs
-    nothing."""
+def stages_of(scene: Scene, further: Sequence[Stage] = ()) -> dict[str, Stage]:
+    """The stages that a run of this scene may ask for, by their names, `further` ones in place of
+    those of the same name; what it never asks for costs nothing."""
     chosen: dict[str, Stage] = {}
-    for stage in STAGES:
+    for stage in (*further, *STAGES):
         if stage.name not in chosen and stage.when(scene):
             chosen[stage.name] = stage
     return {

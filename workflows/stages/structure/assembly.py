@@ -6,7 +6,12 @@ from numpy.typing import NDArray
 from beadwave import fem, rom
 from beadwave.fem.assembly.model import ConstrainedModel, constrained
 from beadwave.fem.contact.bolted_joint import rough_layer
-from beadwave.fem.contact.pressed_model import PairInContact, pressed_model
+from beadwave.fem.contact.pressed_model import (
+    PairInContact,
+    PressedAssembly,
+    pressed_assembly,
+    pressed_model,
+)
 from beadwave.fem.modes.assembly_modes import AssemblyModes, assembly_modes
 from beadwave.fem.updating import tuning
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -25,6 +30,23 @@ def mesh(scene: Scene, adapted: AdaptedSizes | None = None) -> Parts:
 def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None) -> fem.Model:
     """The parts assembled, joined and held, with measured parts of these fits where they are
     another's; raises InvalidScene for bodies that nothing keeps."""
+    if mesh.contacts:
+        return pressed(scene, mesh, condensed_faces(scene, mesh, fits))
+    structure, connections, constraints = _connected(scene, mesh, fits)
+    joined = fem.joined(structure, connections, constraints)
+    if mesh.load is None:
+        return joined
+    try:
+        return fem.prestressed(joined, mesh.materials, mesh.load)
+    except ValueError as why:
+        raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
+
+
+def _connected(
+    scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None
+) -> tuple[fem.Structure, fem.Connections, ConstrainedModel]:
+    """The structure with what it carries, its connections and their constraints; raises
+    InvalidScene for bodies that nothing keeps."""
     structure = _with_masses(scene, mesh, fem.assemble(mesh.meshes, mesh.materials))
     structure = _with_springs(scene, mesh, _with_bolts(mesh, structure))
     if scene.measured:
@@ -36,21 +58,33 @@ def model(scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
     _require_kept(scene, structure, connections, constraints)
-    if mesh.contacts:
-        return _pressed(scene, mesh, fem.joined(structure, mesh.assembled._replace(table=below)))
-    joined = fem.joined(structure, connections, constraints)
-    if mesh.load is None:
-        return joined
+    return structure, connections, constraints
+
+
+def condensed_faces(
+    scene: Scene, mesh: Parts, fits: dict[str, rom.ModalFit] | None = None
+) -> PressedAssembly:
+    """The assembly with the faces under bolts condensed, for any preload, friction and roughness;
+    raises InvalidScene for faces that are refused, and for bodies that nothing keeps."""
+    structure, connections, _ = _connected(scene, mesh, fits)
+    open_model = fem.joined(structure, mesh.assembled._replace(table=connections.table))
     try:
-        return fem.prestressed(joined, mesh.materials, mesh.load)
+        return pressed_assembly(open_model, mesh.materials, *_pressing(mesh))
     except ValueError as why:
-        raise InvalidScene(f"{scene.name}: loads: {str(why).rstrip('.')}.") from None
+        raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
 
 
-def _pressed(scene: Scene, mesh: Parts, open_model: fem.Model) -> fem.Model:
+def pressed(scene: Scene, mesh: Parts, assembly: PressedAssembly) -> fem.Model:
     """The model about its state under preload; raises InvalidScene where there is none."""
+    try:
+        return pressed_model(assembly, *_pressing(mesh))
+    except ValueError as why:
+        raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
+
+
+def _pressing(mesh: Parts) -> tuple[fem.Load, list[PairInContact]]:
+    """The load with the bolts, and the faces that they press."""
     load = mesh.load or fem.Load()
-    load = load._replace(rods=[*load.rods, *mesh.rods])
     faces = []
     for tie in mesh.contacts:
         bodies = {face.partition(":")[0] for face in (tie.slave, tie.master)}
@@ -58,10 +92,7 @@ def _pressed(scene: Scene, mesh: Parts, open_model: fem.Model) -> fem.Model:
         friction, rough = of_pair[0].friction, rough_layer(of_pair[0].rms)[0]
         bolts = [(place.centre, place.stiffness.slipped.kx) for place in of_pair]
         faces.append(PairInContact(tie, friction, rough, bolts))
-    try:
-        return pressed_model(open_model, mesh.materials, load, faces).model
-    except ValueError as why:
-        raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
+    return load._replace(rods=[*load.rods, *mesh.rods]), faces
 
 
 def _with_masses(scene: Scene, mesh: Parts, structure: fem.Structure) -> fem.Structure:

@@ -207,6 +207,14 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     return whole
 
 
+def with_bolts_of(scene: Scene, mesh: Parts) -> Parts:
+    """The meshed parts with the bolts of a scene that differs in these alone: in preloads, friction
+    and roughness; nothing is meshed."""
+    with drawing(scene) as layout:
+        bolted = placed(scene, layout, mesh.sizes).bolted
+    return mesh._replace(bolted=tuple(bolted.values()))
+
+
 def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[Struck, float]]:
     """Places that are struck, with the size of elements [m] there: that of the scene, or of each of
     several chains in their order. Raises InvalidScene where another body lies on one."""

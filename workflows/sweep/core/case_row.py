@@ -27,7 +27,7 @@ LARGE_ERROR = 0.05  # of velocities, in parts of the striker's; a row and the te
 WALL = "wall_peak_force_N", "wall_peak_s"
 Array = np.ndarray
 # spheres that are watched, by what their columns begin with: "" of one chain, "NAME_" of each of
-# several
+# several; without a chain there is none
 Watched = Mapping[str, tuple[int, ...]]
 
 
@@ -40,7 +40,10 @@ class Rows(NamedTuple):
 
 
 def names(watched: Watched, across: bool) -> tuple[str, ...]:
-    """Names of the table's columns after those of the keys; `across` with those of friction."""
+    """Names of the table's columns after those of the keys; `across` with those of friction. Cases
+    without a chain have those of their modes besides."""
+    if not watched:
+        return ("seconds", *TEXT)
     of_chains: list[str] = []
     for chain, spheres in watched.items():
         of_chains += (f"{chain}sphere_{s}_{name}" for s in spheres for name in OF_SPHERE)
