@@ -58,6 +58,7 @@ class DampingParameter(NamedTuple):
     lower: float
     upper: float
     before: tuple[float, ...] = ()  # the value that the scene has
+    known: None = None  # nothing of it is known without the responses, as a drawing says of springs
 
 
 Parameter = TuningParameter | DampingParameter

@@ -26,13 +26,18 @@ def drawn_face_triangles(bodies: Iterable[Body]) -> dict[int, NDArray[np.float64
     """
     import gmsh
 
+    from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, mesh_options
+    from beadwave.geometry.meshing.sizes import FINEST_AT_APEX, bounded_at_apices, circle_radii
+
     bodies = list(bodies)
     gmsh.model.mesh.clear()
     largest = max(float(np.linalg.norm(body.upper - body.lower)) for body in bodies)
-    usual = gmsh.option.getNumber("Mesh.MeshSizeMax")
-    gmsh.option.setNumber("Mesh.MeshSizeMax", largest / ACROSS)
-    gmsh.model.mesh.generate(2)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", usual)
+    size = largest / ACROSS
+    faces = [face.tag for body in bodies for face in body.faces]
+    on_circles = [2 * np.pi * r / EDGES_AROUND for r in circle_radii(faces).values()]
+    finest = min([FINEST_AT_APEX * size, *on_circles])
+    with mesh_options({"MeshSizeMax": size, **bounded_at_apices(faces, finest)}):
+        gmsh.model.mesh.generate(2)
     # of all faces: a node on the seam of a round face may be listed with another face alone
     nodes, points, _ = gmsh.model.mesh.getNodes()
     place = dict(zip(nodes.tolist(), points.reshape(-1, 3), strict=True))

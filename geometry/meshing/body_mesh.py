@@ -30,10 +30,12 @@ from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, failing
 from beadwave.geometry.meshing.hexahedra import hexahedra, prisms
 from beadwave.geometry.meshing.roundness import enclosing, full_cylinders, rimmed
 from beadwave.geometry.meshing.sizes import (
+    FINEST_AT_APEX,
     GRADING,
     N_SAMPLED,
     Size,
     Sizes,
+    bounded_at_apices,
     circle_radii,
     curvatures,
     mesh_visible,
@@ -206,11 +208,14 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
             around += edges * rings * (4 * max(1, round(length / seed)) + 3)
     fine = [f for f in size.fine if f.size < seed]
     if element == "tet":
+        tags = [face.tag for face in body.faces]
+        finest = bounded_at_apices(tags, FINEST_AT_APEX * seed).get("MeshSizeMin", 0.0)
         for face in (f for f in body.faces if f.normal is None and f.axis is None):
             on_face = 2 * pi / EDGES_AROUND / np.maximum(curvatures(face.tag), 1e-12)
+            on_face = np.maximum(on_face, finest)
             finer = np.maximum(0.0, 1 / on_face**2 - 1 / seed**2)
             around += CYLINDER_NODES * face.area * finer.mean()
-        radii = circle_radii(face.tag for face in body.faces).values()
+        radii = circle_radii(tags).values()
         around += CIRCLE_NODES * sum(_grown(2 * pi * r / EDGES_AROUND / seed) for r in radii)
         around += POINT_NODES * sum(_grown(f.size / seed) for f in fine)
     elif fine and (prism := next(prisms(body), None)):

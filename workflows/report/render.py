@@ -248,7 +248,8 @@ def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
         plotter.add_mesh(body, color=colour, **drawn, **MATT)
         if not fixtures.elements:
             edges = body.extract_feature_edges(EDGE_ANGLE, manifold_edges=False)
-            plotter.add_mesh(edges, color="#404040", line_width=1.5)
+            if edges.n_points:  # a ball has none
+                plotter.add_mesh(edges, color="#404040", line_width=1.5)
 
         # points close enough on every facet to hide what is behind it
         triangles = body.triangulate()
