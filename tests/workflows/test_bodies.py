@@ -233,6 +233,41 @@ def test_a_look_without_a_mesh_foretells_its_dofs_within_a_factor_of_two(name):
     assert foreseen.joints == counted.joints
 
 
+def pointed_cone(occ):
+    occ.addCone(0, 0, 0, 0, 0, 50, 20, 0)
+
+
+def ball(occ):
+    occ.addSphere(0, 0, 0, 20)
+
+
+def ring(occ):
+    occ.addTorus(0, 0, 0, 50, 10)
+
+
+def drilled_block(occ):
+    """A blind hole as a drill of 118 degrees leaves it."""
+    block, depth = occ.addBox(-30, -20, -30, 60, 40, 30), 20
+    drill = occ.addCylinder(0, 0, 0, 0, 0, -depth, 5)
+    tip = occ.addCone(0, 0, -depth, 0, 0, -5 / np.tan(np.radians(59)), 5, 0)
+    occ.cut([(3, block)], [(3, drill), (3, tip)])
+
+
+@pytest.mark.parametrize("made", [pointed_cone, ball, ring, drilled_block])
+def test_a_look_at_a_round_body_draws_it_and_foretells_its_dofs(made):
+    """The curvature of a cone has no bound at its apex, a ball has no edges to draw."""
+    with session():
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        made(gmsh.model.occ)
+        gmsh.model.occ.synchronize()
+        with silent():
+            gmsh.write("round.step")
+    foreseen, counted = look("round.step"), look("round.step", mesh=True).found
+    assert 0.5 < foreseen.found.bodies[0].dofs / counted.bodies[0].dofs < 2
+    picture = np.asarray(Image.open(BytesIO(foreseen.plot().png)).convert("L"))
+    assert np.mean(picture < 250) > 0.05
+
+
 def test_a_look_says_that_a_run_may_refuse_what_no_memory_holds(capsys):
     assert beadwave("look", "cantilever", "--set=bodies.beam.seed=2e-5") == 0
     last = capsys.readouterr().out.splitlines()[-1]
