@@ -37,13 +37,22 @@ from beadwave.rom.tall import ROWS, gram, shares, squares, turned
 from beadwave.rom.truncation import LOSS, frequencies, receptances, rms, size
 
 
+class FinerModes(NamedTuple):
+    """Modes omega (j,) [rad/s] of the shapes phi (n, k) @ amplitudes (k, j), or of phi itself where
+    that is None; mass-normalised, in any order."""
+
+    omega: np.ndarray
+    phi: np.ndarray
+    amplitudes: np.ndarray | None = None
+
+
 class ChosenModes(NamedTuple):
     """Modes chosen by the contact, and what is known of those that were not."""
 
     pairs: EigenPairs  # omega (k,) [rad/s] ascending, phi (n, k) mass-normalised
     residual: np.ndarray  # (n,) [m/N] static response to a unit contact force beyond these modes
     error: float  # relative rms of the receptance up to to_hz that modes and residual leave
-    space: EigenPairs  # all that they were chosen from; with finer_hz it stands for the full model
+    finer: FinerModes  # what they were chosen from; with finer_hz it stands for the full model
 
 
 def contact_modes(
@@ -86,7 +95,7 @@ def contact_modes(
         pairs, bound, *_ = krylov_space(
             problem, w, retained, bound, reach_hz, n_vectors, options=options
         )
-        retained_at, finer = np.arange(n_retained), pairs
+        retained_at, finer = np.arange(n_retained), FinerModes(*pairs)
     participation = pairs.phi.T @ w
 
     # the choice: the retained ones, then the others by their weight; n is where the error is met
@@ -109,9 +118,9 @@ def contact_modes(
     return ChosenModes(modes, residual, float(errors[n]), finer)
 
 
-def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> EigenPairs:
+def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> FinerModes:
     """The fewest pairs of a space, and one for all others, that answer at the contact like all of
-    them to the relative rms error up to to_hz [Hz]: omega (j,) [rad/s], phi (n, j) mass-normalised.
+    them to the relative rms error up to to_hz [Hz].
 
     w (n,) is the contact functional. The others' share of the static response,
     r = sum phi_j (phi_j^T w) / omega_j^2, is orthogonal to the rest in K and M and becomes the last
@@ -123,20 +132,17 @@ def condensed(pairs: EigenPairs, w: np.ndarray, to_hz: float, error: float) -> E
     n = int(np.argmax(_residual_errors(omega[order], phi[order], to_hz) <= error))
     minor = order[n:]
     if not len(minor):
-        return pairs
+        return FinerModes(*pairs)
 
     # r by its amplitudes on mass-normalised pairs, so that r^T M r and r^T K r are sums of squares
     amplitude = phi[minor] / omega[minor] ** 2
     mass, stiffness = np.sum(amplitude**2), np.sum((amplitude * omega[minor]) ** 2)
-    weights = np.zeros(len(omega))
-    weights[minor] = amplitude / np.sqrt(mass)
-
-    # column by column: indexing with the whole list would hold a second matrix of this size
-    few = np.empty((len(w), n + 1), order="F")
-    for j, column in enumerate(order[:n]):
-        few[:, j] = pairs.phi[:, column]
-    few[:, n] = pairs.phi @ weights
-    return EigenPairs(np.append(omega[order[:n]], np.sqrt(stiffness / mass)), few)
+    # their shapes would be a second matrix of the size of the pairs'
+    amplitudes = np.zeros((len(omega), n + 1))
+    amplitudes[order[:n], np.arange(n)] = 1.0
+    amplitudes[minor, n] = amplitude / np.sqrt(mass)
+    omega = np.append(omega[order[:n]], np.sqrt(stiffness / mass))
+    return FinerModes(omega, pairs.phi, amplitudes)
 
 
 def static_shapes(

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from beadwave.rom.contact_modes import contact_modes, finer_space, static_shapes
+from beadwave.rom.contact_modes import FinerModes, contact_modes, finer_space, static_shapes
 from beadwave.rom.factorisation import Factorise, Solver, superlu, symmetric
 from beadwave.rom.fixed_interface import (
     FixedInterface,
@@ -70,7 +70,7 @@ def craig_bampton(
         # they do inside, and Ritz pairs of K_ii and M_ii make fixed-interface modes of that
         problem, modes = whole_pencil(fixed), selection.modes
         retained = no_modes(len(w)) if modes is None else known_modes(problem, *modes)
-        free, _, stated, finer_pairs = contact_modes(problem, w, retained, selection)
+        free, _, stated, finer_modes = contact_modes(problem, w, retained, selection)
         phi = free.phi
         for c in shares(phi.shape[1]):
             phi[:, c] -= Psi @ phi[b, c]
@@ -102,10 +102,11 @@ def craig_bampton(
         del inside, pairs, phi  # (n, k) and matrices, not to be held next to the finer model
         if selection.finer_hz is not None:
             problem, finer_hz = whole_pencil(fixed), selection.finer_hz
-            finer_pairs = finer_space(problem, w, no_modes(len(w)), finer_hz, len(reduced.w)).pairs
+            space = finer_space(problem, w, no_modes(len(w)), finer_hz, len(reduced.w))
+            finer_modes = FinerModes(*space.pairs)
 
     # T^T K T = K_r and T^T M T = M_r on a random vector, both definite, or the sentence says why
-    finer = None if selection.finer_hz is None else of_modes(*finer_pairs, w, C)
+    finer = None if selection.finer_hz is None else of_modes(*finer_modes, w, C)
     reduced = reduced._replace(finer=finer)
     require_faithful(reduced, K, M)
     return reduced

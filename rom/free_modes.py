@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from beadwave.rom.contact_modes import contact_modes, finer_space, static_shapes
+from beadwave.rom.contact_modes import FinerModes, contact_modes, finer_space, static_shapes
 from beadwave.rom.factorisation import Factorise, Pencil, ReductionError, Solver, superlu, symmetric
 from beadwave.rom.floating import n_suspended, pencil
 from beadwave.rom.health import require_faithful, require_static_response
@@ -115,7 +115,8 @@ def free_modes(
     # a model that stands for the full one: modes of the contact bring theirs along
     if selection.finer_hz is not None and not selection.by_contact:
         retained, n_vectors = retained_modes(problem, None), len(pairs.omega)
-        finer = finer_space(problem, w, retained, selection.finer_hz, n_vectors).pairs
+        space = finer_space(problem, w, retained, selection.finer_hz, n_vectors)
+        finer = FinerModes(*space.pairs)
 
     # T = [phi, r / |r|_M], r orthogonal to phi in K and M: diagonal matrices, r^T K r / r^T M r in
     # place of an omega^2. Of a structure whose modes are all kept r is rounding and left out; 1e-12

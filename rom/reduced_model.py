@@ -16,6 +16,7 @@ from scipy.linalg import cholesky, eigh, solve
 from scipy.linalg.lapack import dpocon
 
 from beadwave.rom.factorisation import EPS, ReductionError, symmetric
+from beadwave.rom.tall import gram
 
 
 class Surface(NamedTuple):
@@ -128,14 +129,20 @@ class ReducedModel(NamedTuple):
 
 
 def of_modes(
-    omega: np.ndarray, phi: np.ndarray, w: ArrayLike, C: ArrayLike | sp.sparray | None
+    omega: np.ndarray,
+    phi: np.ndarray,
+    amplitudes: np.ndarray | None,
+    w: ArrayLike,
+    C: ArrayLike | sp.sparray | None,
 ) -> ReducedModel:
-    """Mass-normalised modes omega (k,) [rad/s], phi (n, k) as a model without a basis, ordered by
-    frequency, the highest of them static; w (n,) and C (n, n) are those of the full structure."""
+    """Mass-normalised modes omega (j,) [rad/s] as a model without a basis, ordered by frequency,
+    the highest of them static: their shapes are phi (n, j), or phi (n, k) @ amplitudes (k, j); w
+    (n,) and C (n, n) are those of the full structure."""
     order = np.argsort(omega)
-    damping = None if C is None else (phi.T @ (C @ phi))[order][:, order]
+    A = np.eye(len(omega))[:, order] if amplitudes is None else amplitudes[:, order]
+    damping = None if C is None else A.T @ gram(phi, C) @ A
     K, M = np.diag(omega[order] ** 2), np.eye(len(omega))
-    return ReducedModel(K, M, damping, (phi.T @ w)[order], None, "free-modes", 0, {}, n_residual=1)
+    return ReducedModel(K, M, damping, A.T @ (phi.T @ w), None, "free-modes", 0, {}, n_residual=1)
 
 
 class ModalWall(NamedTuple):

@@ -403,7 +403,7 @@ def test_a_space_has_one_vector_more_than_modes_are_asked_for_beside_the_known_o
     for n_modes, n_vectors in ((11, 10), (12, 10), (13, 15)):
         selection = Selection(n_modes=n_modes, to_hz=0.5, choice="contact")
         chosen = contact_modes(problem, w, known, selection)
-        assert (len(chosen.pairs.omega), len(chosen.space.omega)) == (n_modes, 3 + n_vectors)
+        assert (len(chosen.pairs.omega), len(chosen.finer.omega)) == (n_modes, 3 + n_vectors)
 
 
 def test_the_modes_to_keep_may_be_all_that_are_asked_for():

@@ -140,7 +140,7 @@ def test_the_lowest_modes_alone_answer_as_their_share_of_the_sum():
 def test_modes_in_any_order_make_one_model_with_the_highest_static():
     wall = modal(full_order(*structure(), W, C=dashpots()))
     mixed = np.array([3, 0, 6, 1, 5, 2, 4])
-    model = of_modes(wall.omega[mixed], wall.vectors[:, mixed], W, dashpots())
+    model = of_modes(wall.omega[mixed], wall.vectors[:, mixed], None, W, dashpots())
     np.testing.assert_allclose(np.sqrt(np.diag(model.K)), wall.omega, rtol=1e-12)
     np.testing.assert_allclose(model.w, wall.phi, atol=1e-12)
     np.testing.assert_allclose(model.C, wall.damping, atol=1e-12)

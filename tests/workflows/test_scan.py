@@ -104,7 +104,9 @@ def test_each_point_states_its_own_error_of_the_reduction(thin):
         pairs = finer_space(problem, patch.w, modes, 20e3).pairs
         half_space = float(struck.walls([patch], 1).half_space[0])
         wall = wall_from_reduced(
-            of_modes(*pairs, patch.w, None), half_space=half_space, damping=ModalDamping(0.005)
+            of_modes(*pairs, None, patch.w, None),
+            half_space=half_space,
+            damping=ModalDamping(0.005),
         )
         dt = thin.columns["dt_s"][case] / 8
         run = dem.march(
