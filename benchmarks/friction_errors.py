@@ -12,9 +12,9 @@ friction's heat, which should be 0. Loads, amplitudes, coefficients of friction,
 dampers, walls and arms are drawn at random; errors asked for are 1e-5 to 1e-3, in two directions
 1e-4 to 1e-3.
 
-The reference of a run is a march by an eighth of its steps along the chain and across it (a quarter
-in two directions), and shorter ones until two references agree to a fifth of the stated error. Runs
-for which none do, or whose references take too many steps, are counted as unknown.
+The reference of a run is a run to a thirtieth of its error (a quarter in two directions), and to
+halves of that until two references agree to a fifth of the stated error. Runs for which none do, or
+whose references take too many steps, are counted as unknown.
 
 Run it: python benchmarks/friction_errors.py             100 scenes, some minutes
         python benchmarks/friction_errors.py 500 7       more scenes, another seed
@@ -29,24 +29,18 @@ from typing import NamedTuple
 import numpy as np
 
 from beadwave import dem
+from beadwave.coupling.lateral_march import WallMotion, march_lateral
 from beadwave.dem.friction import contact_of_load, gross_slip, tangential_law
-from beadwave.dem.lateral import (
-    LastSphere,
-    LateralSearch,
-    LateralTrajectory,
-    WallMotion,
-    march_lateral,
-)
+from beadwave.dem.lateral import LastSphere, LateralTrajectory
 from beadwave.dem.spheres import force_scale, time_scale
 
 from stated_errors import COLUMNS, row, stated_over_true
 
-REFINEMENT = (8, 4)  # steps of the first reference in one of the run, in one direction and two
+# error of a run over that of its first reference, in one direction and two; with 8 half of the
+# references by order 2 disagree
+REFINEMENT = (30.0, 4.0)
 AGREEMENT = 0.2  # of the stated error: difference of two references that may stand for the truth
-REFERENCES = 3  # tried, each by half the steps of the last
-# of the reference's cells in one of the run, over its refinement: a search without an error takes
-# those of 1e-5, the square root of ten times as many as it is given
-CELLS = 0.5 / math.sqrt(10.0)
+REFERENCES = 3  # tried, each to half the error of the last
 
 
 class RandomRun(NamedTuple):
@@ -103,40 +97,20 @@ def trial(run: RandomRun) -> Trial:
     ledger = (along.energy_error + across.energy_error) / run.error
     fall = float(-np.diff(across.dissipated_friction).min())
 
-    stated = along.error_estimate + across.error_estimate
     speed, R = top_speed(run), float(run.chain.radius[-1])
     try:
         ratio = stated_over_true(
-            across, stated,
-            finer=lambda i: across_by(run, along, across, REFINEMENT[across.n_cells > 0] * 2**i),
+            across, across.error_estimate,
+            finer=lambda i: march_lateral(
+                run.chain, run.wall, run.v0, along, run.last, motion=run.motion,
+                error=run.error / (REFINEMENT[across.n_cells > 0] * 2.0**i),
+            ),
             difference=lambda a, b: difference(a, b, R) / speed,
             agreement=AGREEMENT, references=REFERENCES,
         )  # fmt: skip
     except dem.UnstableStep:  # of a reference that takes too many steps
         ratio = np.nan
     return Trial(ratio, ledger, fall)
-
-
-def across_by(
-    run: RandomRun, along: dem.Trajectory, across: LateralTrajectory, refinement: int
-) -> LateralTrajectory:
-    """The run by steps that are so much shorter, along and across."""
-    usual = LateralSearch()
-    finer = dem.march(
-        run.chain, run.wall, run.v0, duration=run.duration, n_save=run.n_save,
-        dt=along.dt / refinement, scheme=along.scheme,
-    )  # fmt: skip
-    search = usual._replace(
-        dt=2.0 * across.dt / refinement,
-        capacity=4 * usual.capacity,
-        n_cells=int(refinement * across.n_cells * CELLS),
-        cycle_steps=1 if across.cycle is None else refinement // 4 * across.cycle.n_steps,
-        periodicity=1e-2,  # of 1e-5, the error of a search that is given a step
-        rough=1.0,
-    )
-    return march_lateral(
-        run.chain, run.wall, run.v0, finer, run.last, motion=run.motion, search=search
-    )
 
 
 def difference(a: LateralTrajectory, b: LateralTrajectory, R: float) -> float:
@@ -148,7 +122,7 @@ def difference(a: LateralTrajectory, b: LateralTrajectory, R: float) -> float:
 def top_speed(run: RandomRun) -> float:
     """[m/s] to which errors are relative."""
     speed = max(float(np.abs(run.v0).max()), float(np.hypot(*run.last.velocity)))
-    return speed if run.motion is None else max(speed, float(np.abs(run.motion.speed).max()))
+    return speed if run.motion is None else max(speed, run.motion.speed)
 
 
 def oblique(rng: np.random.Generator) -> RandomRun:

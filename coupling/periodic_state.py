@@ -20,7 +20,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from beadwave.coupling.harmonic_balance import N_LAPS, Balance, answer, balance, cycle_of, let_go
+from beadwave.coupling.harmonic_balance import (
+    N_LAPS,
+    Balance,
+    answer,
+    balance,
+    cycle_of,
+    let_go,
+    resampled,
+)
 from beadwave.coupling.spatial_march import Before, MarchState, PreparedImpact, along_normal
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import gross_slip, redivided, stick_stiffness
@@ -144,6 +152,7 @@ class Period(NamedTuple):
         motion.pending[:] = 0.0
         if not sheared:
             motion.slip[:] += self.shift_of(moving) - shift_before
+            motion.rolled[:] = motion.u - self.system.sphere.radius * motion.psi
         self.body.settle(moving, self.system, 0.0)
 
     def shift_of(self, moving: MarchState) -> Array:
@@ -247,6 +256,13 @@ def linear_period(period: Period, saved: SavedSpatial | None) -> tuple[Array, Ar
     C[np.ix_(closed, closed)] = np.linalg.inv(np.diag(1.0 / springs[closed]) + S)
     K += B.T @ C @ B
     D += B.T @ (dampers[:, None] * B)
+    before = body.last.before
+    if before is not None:
+        a = math.sqrt(before.radius) * (max(force[-2], 0.0) / A[-2]) ** (1.0 / 3.0)
+        for j in range(d):
+            b = np.zeros(size)
+            b[n + j], b[n + d + j] = 1.0, -sphere.radius
+            K += float(stick_stiffness(before, a)) * np.outer(b, b)
 
     # z' = rates z over a period; bodies that are held fast (inverse mass 0) have no weight
     zero, one = np.zeros((size, size)), np.eye(size)
@@ -348,8 +364,7 @@ def fixed_point(
         error = max(error, float(np.abs(saved.force[-1] - saved.force[0]).max()) / scale)
         # what the bodies gain over the shakers' work: their energy may be much larger than that
         gained = 0.5 * abs(np.sum(residual * (units * (image + z) * moves)))
-        gain = saved.energy[-1] - saved.energy[0]
-        work = abs(float(gain[BY_SHAKERS] + gain[BEYOND_MODES]))
+        work = work_scale(saved)
         error = max(error, search.gained * gained / work if work else 0.0)
         if error < best:
             best, result = error, (moving.copied(), saved)
@@ -427,15 +442,20 @@ def periodic_state(
     From a contact that was pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
     """
-    # by harmonic balance, or where that finds none by Newton's method on marches of a period
-    motion, start = balanced(body, before, error, speed, search)
+    # by harmonic balance, or where that finds none, or does not know friction between spheres, by
+    # Newton's method on marches of a period
+    motion, start = None, None
+    if body.last.before is None:
+        motion, start = balanced(body, before, error, speed, search)
     if motion is None:
         motion = shot(body, before, error, speed, search, start)
     state, saved, n_periods, T = motion.moving, motion.saved, motion.n_periods, body.shakers.period
 
     # heat counts from the striker on
-    springs = state.contacts.row if state.contacts.cells is None else state.contacts.cells
-    springs.state[HEAT] = 0.0
+    contacts = state.contacts
+    for springs in (contacts.row, contacts.cells, contacts.before_row, contacts.before_cells):
+        if springs is not None:
+            springs.state[HEAT] = 0.0
     state.motion.ledger[:] = 0.0
 
     # energies of a period of the shakers; a period leaves the bodies as they are, so that the modes
@@ -481,13 +501,39 @@ def periodic_state(
     )
 
 
+def work_scale(saved: SavedSpatial) -> float:
+    """[J] Work of the shakers in a cycle, or a tenth of what the tangential force does over slip if
+    both are in phase: of a contact that all but sticks work and losses are next to rounding."""
+    gained = saved.energy[-1] - saved.energy[0]
+    in_phase = float(np.max(np.ptp(saved.force[:, 1:], axis=0) * np.ptp(saved.slip, axis=0)))
+    return max(abs(float(gained[BY_SHAKERS] + gained[BEYOND_MODES])), 0.1 * in_phase)
+
+
+def stick_at_rest(body: PreparedImpact) -> tuple[float, float]:
+    """Stiffness [N/m] of the contact at rest where all of it sticks, and its bound mu P [N]: two
+    thirds of that stiffness times the displacement at gross slip."""
+    law, P = body.last.law, float(body.prepared.static.force[-1])
+    overlap = (P / float(body.prepared.chain.A[-1])) ** (2.0 / 3.0)
+    k = float(stick_stiffness(law, math.sqrt(law.radius * overlap)))
+    return k, (2.0 / 3.0) * float(gross_slip(law, overlap)) * k
+
+
+def least_cycle(body: PreparedImpact) -> tuple[float, float]:
+    """Tangential force [N] and slip [m] over which those of smaller cycles are compared: a
+    thousandth of the bound, or of the normal force if that is less. A sphere that rolls has next to
+    none."""
+    k, bound = stick_at_rest(body)
+    force = 1e-3 * min(bound, float(body.prepared.static.force[-1]))
+    return force, force / (k or math.inf)
+
+
 class Numbers(NamedTuple):
     """Numbers by which two cycles are compared."""
 
     speeds: Array  # of all bodies at the instants saved, over the largest
-    force: float  # logarithm of the amplitude of the tangential force
+    force: float  # logarithm of the amplitude of the tangential force, at least `least_cycle`
     slip: float  # the same of the slip
-    heat: float  # of friction, over the shakers' work
+    heat: float  # of friction, over `work_scale`
     loop: float  # [J] the same heat, which may be small against what modes take
 
     def difference(self, other: "Numbers") -> float:
@@ -496,16 +542,17 @@ class Numbers(NamedTuple):
         return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
-def numbers_of(saved: SavedSpatial, speed: float) -> Numbers:
-    """Of a cycle; speeds are over `speed` [m/s] where no body is faster."""
+def numbers_of(saved: SavedSpatial, speed: float, least: tuple[float, float]) -> Numbers:
+    """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and force and slip are at
+    least `least` [N, m]."""
     speeds = np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
-    gained = saved.energy[-1] - saved.energy[0]
+    heat = float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED])
     return Numbers(
         speeds / (max(speed, float(np.abs(speeds).max())) or 1.0),
-        math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), 1e-300)),
-        math.log(max(float(np.ptp(saved.slip, axis=0).max()), 1e-300)),
-        float(gained[RUBBED]) / (abs(float(gained[BY_SHAKERS] + gained[BEYOND_MODES])) or 1.0),
-        float(gained[RUBBED]),
+        math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), least[0], 1e-300)),
+        math.log(max(float(np.ptp(saved.slip, axis=0).max()), least[1], 1e-300)),
+        heat / (work_scale(saved) or 1.0),
+        heat,
     )
 
 
@@ -527,7 +574,7 @@ def balanced(
     )
     few_samples = n_samples
     two_directions, n_cells, cycle, coarse = len(body.frame) == 2, search.cells, None, None
-    order = 1.0 if two_directions else 2.0
+    order, estimates = 1.0 if two_directions else 2.0, []
 
     # samples and cells are doubled, each cycle from the one before, until the error is met
     while True:
@@ -540,19 +587,25 @@ def balanced(
         opens = cycle.answer.elastic[:, -1 - len(body.frame)].min() <= 0.0
         if opens or cycle.change > tolerance:
             return None, moving.divided(body.search.n_cells)
-        numbers, estimate = numbers_of(saved, speed), math.inf
+        numbers, estimate = numbers_of(saved, speed, least_cycle(body)), math.inf
         if coarse is not None:
+            # a turning point that no sample comes nearer to makes cycles alike by chance
+            missed = abs(heat_of_path(divided, before, cycle) - numbers.loop)
             estimate = richardson(numbers.difference(coarse), 2.0, order)
+            estimate = max(estimate, missed / (work_scale(saved) or 1.0))
+            estimates.append(estimate)
             loop_error = richardson(abs(numbers.loop - coarse.loop), 2.0, order)
+            loop_error = max(loop_error, missed)
         if estimate <= search.share * error:
             break
         coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
-        if n_samples > search.most_samples:
+        stuck = len(estimates) > 2 and estimate > search.hopeless * estimates[-3]
+        if stuck or n_samples > search.most_samples:
             return None, moving.divided(body.search.n_cells)
 
     # half the step, four times nearer: what is left of both is not of the steps
     slow, slow_moving = still(body), None
-    largest = float(np.abs(saved.force[:, 1:]).max()) or 1.0
+    largest = max(float(np.abs(saved.force[:, 1:]).max()), least_cycle(body)[0])
     off = []
     for refined in (1, 2):
         n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
@@ -566,7 +619,8 @@ def balanced(
         return None, moving.divided(body.search.n_cells)
     change = max(cycle.change, cycle.answer.creep)
     if two_directions:
-        loop_error += abs(heat_of_path(divided, before, cycle, search) - cycle.answer.heat)
+        fine = max(search.ring_cells, 2 * divided.search.n_cells)
+        loop_error += abs(heat_of_path(divided, before, cycle, fine) - cycle.answer.heat)
         loop_error += least_heat(body, search.ring_cells)
     pushed = pushed_forces(
         body._replace(search=body.search._replace(n_cells=search.cells)),
@@ -617,25 +671,24 @@ def pushed_forces(
 
 
 def heat_of_path(
-    body: PreparedImpact, before: Before, cycle: Balance, search: PeriodicSearch
+    body: PreparedImpact, before: Before, cycle: Balance, n_cells: int | None = None
 ) -> float:
-    """[J] of friction in a period on the path of a cycle in two directions, by more cells."""
-    cells = cycle.answer.contacts.cells
-    n_cells = max(search.ring_cells, 2 * body.search.n_cells)
-    fine = cycle.answer.contacts._replace(cells=redivided(cells, n_cells))
-    memory = cycle.answer._replace(contacts=fine)
-    return answer(body, before, cycle.cut, cycle.y, memory, N_LAPS).heat
+    """[J] of friction in a period on the path of a cycle, followed between its samples as well; in
+    two directions by n_cells cells, None for those that it has."""
+    cut, memory, n_samples = cycle.cut, cycle.answer, 4 * len(cycle.y)
+    if memory.contacts.cells is not None and n_cells is not None:
+        cells = redivided(memory.contacts.cells, n_cells)
+        memory = memory._replace(contacts=memory.contacts._replace(cells=cells))
+    cut = cut._replace(omega=cut.omega[1] * np.arange(n_samples // 2 + 1))
+    return answer(body, before, cut, resampled(cycle.y, n_samples), memory, N_LAPS).heat
 
 
 def least_heat(body: PreparedImpact, n_cells: int) -> float:
     """[J] that a period loses whose slip reaches one cell in: (2/9) (Q / mu P)^3 (mu P)^2 / k, what
     Mindlin's loop becomes for small forces Q, which slip in 2 Q / (3 mu P) of the area (K. L.
     Johnson, Contact Mechanics (1985), 7.57)."""
-    law, P = body.last.law, float(body.prepared.static.force[-1])
-    overlap = (P / float(body.prepared.chain.A[-1])) ** (2.0 / 3.0)
-    k = float(stick_stiffness(law, math.sqrt(law.radius * overlap)))
-    slides = (2.0 / 3.0) * float(gross_slip(law, overlap)) * k  # mu P
-    return (2.0 / 9.0) * (1.5 / n_cells) ** 3 * slides**2 / k
+    k, bound = stick_at_rest(body)
+    return (2.0 / 9.0) * (1.5 / n_cells) ** 3 * bound**2 / k
 
 
 def still(body: PreparedImpact) -> PreparedImpact:
@@ -733,7 +786,7 @@ def shot(
             state, saved, change, n_periods = marched_on(period, state, search, accepted)
 
         # the error by the search before, if both come back after as many periods
-        numbers = numbers_of(saved, speed)
+        numbers = numbers_of(saved, speed, least_cycle(body))
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
             estimates.append(richardson(numbers.difference(coarse), search.refined, order))

@@ -11,6 +11,7 @@ bring all into a periodic state, see `coupling.periodic_state`.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -281,10 +282,11 @@ def shaking(
 
     # the work in a step, the integral of f p: over q and p at the start as the modes swing freely,
     # and over what the shakers have moved since, products of e^(i w t) at sums and differences
-    q, p = response(h) if m else (B, B)
+    pushed = bool(B.any())  # of a wall that is moved along itself no mode is
+    q, p = response(h) if pushed else (B, B)
     over_q, over_p = np.zeros((m, k), complex), np.zeros((m, k), complex)
     at_sum, at_difference = np.zeros((m, m), complex), np.zeros((m, m), complex)
-    for node, weight in zip(nodes, weights, strict=True) if m else ():
+    for node, weight in zip(nodes, weights, strict=True) if pushed else ():
         t = node * h
         after = oscillator_propagator(wall.omega, wall.zeta, t)
         push = weight * h * np.exp(1j * omega * t)[:, None] * B
@@ -319,8 +321,8 @@ def body_of(
     require_hertz(chain)
     require(not chain.slides, "friction at the wall takes no guides; leave them out")
     require(
-        last.before is None or (chain.mass.size > 1 and shakers is None),
-        "friction between spheres takes a chain of two or more, and no shakers; change them",
+        last.before is None or chain.mass.size > 1,
+        "friction between spheres takes a chain of two or more; drop it, or add spheres",
     )
     velocity, stiffness = checked_last_sphere(last)
     S = np.asarray(wall.residual_compliance, float)
@@ -333,7 +335,11 @@ def body_of(
     # one direction across where nothing leads out of it: no mode that moves along it or that the
     # chain or a shaker drives moves the wall sideways, and nothing sideways moves the sphere
     frame, scale = np.eye(2), np.abs(wall.phi).max(initial=0.0)
+    moves, largest = wall.load_residual[1:].T, float(np.abs(wall.load_residual).max(initial=0.0))
     lines = [velocity / np.hypot(*velocity)] if velocity.any() else [*np.eye(2)]
+    if moves.any() and not velocity.any():
+        moved = max(moves, key=lambda move: float(np.hypot(*move)))
+        lines.append(moved / np.hypot(*moved))
     for line in lines:
         sideways = np.array([-line[1], line[0]])
         driven = np.abs(np.column_stack([wall.phi[:, 0], wall.phi[:, 1:] @ line, wall.load]))
@@ -342,7 +348,7 @@ def body_of(
         straight = stiffness[0] == stiffness[1] or 0.0 in line
         straight &= not np.any(driven[stray] > 1e-12 * np.abs(wall.phi).max(initial=0.0))
         straight &= bool((np.abs(sideways @ residual) <= 1e-12 * np.abs(S).max(initial=0.0)).all())
-        straight &= not np.any(sideways @ wall.load_residual[1:])
+        straight &= not np.any(np.abs(moves @ sideways) > 1e-12 * largest)
         if straight:
             frame = line[None]
             break
@@ -421,16 +427,17 @@ def march_space(
 
 def march_to_error(
     body: PreparedImpact, start: MarchState, *, duration: float, error: float | None, n_save: int,
-    speed: float | None = None,
+    speed: float | None = None, measure: Callable[..., float] | None = None,
 ) -> SpatialRun:  # fmt: skip
     """March from a state at t = 0 for `duration` [s], at n_save + 1 equal times; errors are
-    relative to `speed` [m/s], None for the largest at the start.
+    relative to `speed` [m/s], None for the largest at the start, and those of all velocities, or
+    what `measure` takes as the difference of two marches (`difference`).
 
     Without `error`, `search.dt` is the step of the coarser of two marches. Raises InvalidChain
     where both or none are given, UnstableStep where a state is not finite or the error takes too
     many steps or cells.
     """
-    search = body.search
+    search, measure = body.search, measure or difference
     require(
         (error is None) != (search.dt is None),
         "give either error or search.dt to say how finely to march",
@@ -468,7 +475,7 @@ def march_to_error(
     # the part of the cells, compared with half as many: of order 1, see `dem.lateral`
     of_cells, halved = 0.0, run(stride, n_cells // 2)[0] if two_directions else None
     while halved is not None:
-        of_cells = search.safety * difference(coarse, halved, radius) / speed
+        of_cells = search.safety * measure(coarse, halved, radius) / speed
         if search.dt is not None or of_cells <= search.share * error:
             break
         if 2 * n_cells > search.most_cells:
@@ -492,7 +499,7 @@ def march_to_error(
                 "for a larger error or for less time"
             )
         saved, moving = run(finer, n_cells)
-        change = difference(saved, coarse, radius)
+        change = measure(saved, coarse, radius)
         of_steps = richardson(search.safety * change / speed, finer / stride, order)
         estimate = of_cells + of_steps
         if search.dt is not None or estimate <= error:
@@ -521,12 +528,14 @@ def march_to_error(
 
 def difference(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
     """Largest difference [m/s] of velocities along and across, and of the turn at the surface."""
+    return max(float(np.abs(a.v - b.v).max()), across_alone(a, b, radius))
+
+
+def across_alone(a: SavedSpatial, b: SavedSpatial, radius: float) -> float:
+    """Largest difference [m/s] of velocities across, and of the turn at the surface."""
     across = np.abs(a.across - b.across)
-    return max(
-        float(np.abs(a.v - b.v).max()),
-        float(across[:, 1].max(initial=0.0)),
-        radius * float(across[:, 3].max(initial=0.0)),
-    )
+    turning = radius * float(across[:, 3].max(initial=0.0))
+    return max(float(across[:, 1].max(initial=0.0)), turning)
 
 
 def spatial_run(

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import dem
+from beadwave.coupling.lateral_march import WallMotion, march_lateral
 from beadwave.dem.friction import tangential_law
-from beadwave.dem.lateral import LastSphere, WallMotion, march_lateral
+from beadwave.dem.lateral import LastSphere
 from beadwave.workflows.evidence.harness import Comparison, compared
 
 R, RHO, E, NU, MU = 0.0127, 7800.0, 210e9, 0.3, 0.2  # m, kg/m^3, Pa

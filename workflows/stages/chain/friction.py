@@ -15,14 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import coupling, dem
+from beadwave.coupling.lateral_march import LateralSearch, WallMotion, march_lateral
+from beadwave.coupling.periodic_state import PeriodicSearch
+from beadwave.coupling.spatial_march import SpatialSearch
 from beadwave.dem.friction import gross_slip, stick_stiffness, tangential_law
-from beadwave.dem.lateral import (
-    LastSphere,
-    LateralSearch,
-    LateralTrajectory,
-    WallMotion,
-    march_lateral,
-)
+from beadwave.dem.lateral import LastSphere, LateralTrajectory
 from beadwave.dem.spheres import hertz_overlap, mass
 from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
 from beadwave.workflows.scene import RomWall, Scene
@@ -46,7 +43,11 @@ def friction(
 ) -> LateralTrajectory:
     """The march across the chain, to the scene's error or at its step."""
     time = scene.time
-    wanted = {"error": time.error} if time.dt is None else {"search": LateralSearch(dt=time.dt)}
+    wanted = (
+        {"error": time.error}
+        if time.dt is None
+        else {"search": LateralSearch(SpatialSearch(dt=time.dt))}
+    )
     return march_lateral(
         start.chain,
         wall,
@@ -59,8 +60,12 @@ def friction(
 
 
 BRIEF = LateralSearch(
-    dt=1e-6, cycle_steps=8, cycle_saves=8, ramp_periods=1, newton_periods=2, most_periods=1
-)
+    SpatialSearch(dt=1e-6),
+    PeriodicSearch(
+        cycle_steps=8, cycle_saves=8, levels=(), settling=1, most_iterations=1, directions=1,
+        most_periods=2,
+    ),
+)  # fmt: skip
 
 
 def compilation(scene: Scene) -> NDArray[np.float64]:
@@ -75,7 +80,8 @@ def compilation(scene: Scene) -> NDArray[np.float64]:
             motion = motion._replace(frequency=np.full(len(scene.shakers), 2e5))
         last = last_sphere(scene, first)
         march_lateral(
-            first.chain, wall, first.velocity, brief, last, motion=motion, search=BRIEF
+            first.chain, wall, first.velocity, brief, last, motion=motion,
+            search=BRIEF,
         )  # fmt: skip
     return times
 
@@ -182,12 +188,15 @@ def cycle_numbers(
 
 def amplitude(loop: NDArray[np.float64]) -> float:
     """Half of peak to peak of a period's samples (k,), the last like the first: the extrema are
-    those of the parabolas through three samples, as these miss them by up to (pi/k)^2 / 2."""
+    those of the parabolas through three samples, as these miss them by up to (pi/k)^2 / 2; of a
+    force at its bound they are the bound."""
     y = loop[:-1]
     extrema = []
     for i in (int(y.argmax()), int(y.argmin())):
         before, after = y[i - 1], y[(i + 1) % y.size]
         bend = before - 2.0 * y[i] + after
+        if np.sum(np.abs(y - y[i]) <= 1e-9 * abs(y[i])) > 2:
+            bend = 0.0
         extrema.append(y[i] - ((after - before) ** 2 / (8.0 * bend) if bend else 0.0))
     return float(0.5 * (extrema[0] - extrema[1]))
 
