@@ -29,7 +29,8 @@ def rigid_body(structure: Structure) -> RigidBody:
     R = rigid_motion(structure.points, np.zeros(3))
     inertia = R.T @ (structure.M @ R)
     mass = inertia[0, 0]
-    residual = np.abs(structure.K @ R).max() / (np.abs(structure.K).max() * np.abs(R).max())
+    largest = max(structure.K.data.max(), -structure.K.data.min())  # abs(K) would be a copy
+    residual = np.abs(structure.K @ R).max() / (largest * np.abs(R).max())
     # first moments between shifts and turns: a turn about z moves along y by x, along x by -y
     centre = np.array([inertia[1, 5], -inertia[0, 5], inertia[0, 4]]) / mass
     return RigidBody(float(mass), centre, float(residual))
