@@ -1,4 +1,4 @@
-"""What bounds each part of a run: its rate beside the best that one core of the machine does.
+"""Limits of the parts of a run: the rate of each beside the best that one core of the machine does.
 
 You will see, for the stiffness of a structure and a chain at a rigid wall, the seconds of the first
 and of later calls, the error, and the rate at which a part works next to what limits it:
@@ -65,7 +65,7 @@ def timed(call: Callable[[], Any], budget: float = 0.3) -> Timed:
 
 
 class Machine(NamedTuple):
-    """What one core does at best."""
+    """Best rates of one core."""
 
     products: float  # [1e9/s] additions and multiplications of a product of matrices
     read: float  # [GB/s] from memory
@@ -124,7 +124,7 @@ def structure_rows(name: str, scale: float, machine: Machine) -> list[tuple]:
     basis = np.linalg.qr(rng.standard_normal((K.shape[0], BASIS)))[0]
     basis = np.asfortranarray(basis)
     projected = timed(lambda: x - basis @ (basis.T @ x))
-    left = float(np.abs(basis.T @ projected.result).max() / np.linalg.norm(x, axis=0).max())
+    oblique = float(np.abs(basis.T @ projected.result).max() / np.linalg.norm(x, axis=0).max())
 
     of_factor = factor.first - order.first, factor.later - order.later
     of_basis = 2 * (basis.nbytes + x.nbytes)
@@ -133,7 +133,7 @@ def structure_rows(name: str, scale: float, machine: Machine) -> list[tuple]:
         row("factor", error, of_factor, 1e-9 * work, machine.products, "GFlop/s", "arithmetic"),
         row("solution", error, solution[1:], 16e-9 * stored, machine.read, "GB/s", "memory"),
         row("product", None, product[1:], 12e-9 * K.nnz, machine.read, "GB/s", "memory"),
-        row("projection", left, projected[1:], 1e-9 * of_basis, machine.read, "GB/s", "memory"),
+        row("projection", oblique, projected[1:], 1e-9 * of_basis, machine.read, "GB/s", "memory"),
     ]
 
 

@@ -7,7 +7,7 @@ what is printed with the text block below.
 
 A line that fails ends it. Blocks of `console` are not run: they install, or need what is not here.
 What a page leaves out by a line `...` is not compared, nor are columns, folds of lines, seconds and
-megabytes; numbers are compared within `Tolerance`, errors within a factor alone, those in a column
+megabytes; numbers are compared to a hundredth, errors within a factor alone, those in a column
 `±` or `+-` too: an error is the difference of two runs, whose last digits another processor rounds
 differently.
 """
@@ -52,16 +52,12 @@ HEAD, TAIL = 18, 8  # lines of a long output that are shown
 FEW = 4  # words by which a quoted stretch that is no longer printed is found, for the message
 
 
-class Tolerance(NamedTuple):
-    """Allowed distance of a number from the one that a page quotes."""
-
-    # of its value; other processors and libraries move errors of errors by that, results by less
-    relative: float = 0.01
-    # units in the last place, of numbers with a decimal point or exponent and of percentages
-    last_digits: int = 1
-    points: float = 0.01  # of percentages: what two results in each other's relation may move by
-    # either way, of a stated error; 1.05 was seen between processors of two makers
-    error_factor: float = 1.5
+# allowed distance of a number from the one that a page quotes: of its value, other processors and
+# libraries move errors of errors by that, results by less
+RELATIVE = Decimal("0.01")
+LAST_DIGITS = 1  # units in the last place, of numbers with a decimal point or exponent, and of %
+POINTS = Decimal("0.01")  # of percentages: what the ratio of two such results may move by
+ERROR_FACTOR = 1.5  # either way, of a stated error; 1.05 was seen between processors of two makers
 
 
 class Token(NamedTuple):
@@ -203,24 +199,24 @@ def _mismatch(quoted: list[Token], printed: list[Token]) -> int | None:
     )
 
 
-def _same(quoted: str, printed: str, tolerance: Tolerance = Tolerance()) -> bool:
+def _same(quoted: str, printed: str) -> bool:
     if quoted == printed:
         return True
     errors = ERROR.fullmatch(quoted), ERROR.fullmatch(printed)
     if all(errors):
         scale = {"": 1.0, "%": 1e-2, "ppm": 1e-6}
         a, b = (float(e["value"]) * scale[e["unit"].strip()] for e in errors)
-        factor = tolerance.error_factor
-        return errors[0]["name"] == errors[1]["name"] and a <= factor * b and b <= factor * a
+        near = max(a, b) <= ERROR_FACTOR * min(a, b)
+        return errors[0]["name"] == errors[1]["name"] and near
     numbers = NUMBER.fullmatch(quoted), NUMBER.fullmatch(printed)
     if not all(numbers) or (numbers[0]["percent"] is None) != (numbers[1]["percent"] is None):
         return False
     a, b = (Decimal(text.replace(" ", "").removesuffix("%")) for text in (quoted, printed))
-    allowed = [Decimal(tolerance.relative) * max(abs(a), abs(b))]
+    allowed = [RELATIVE * max(abs(a), abs(b))]
     if set(quoted) & set(".e%"):  # no count
-        allowed.append(tolerance.last_digits * Decimal(10) ** a.as_tuple().exponent)
+        allowed.append(LAST_DIGITS * Decimal(10) ** a.as_tuple().exponent)
     if "%" in quoted:
-        allowed.append(Decimal(tolerance.points))
+        allowed.append(POINTS)
     return abs(a - b) <= max(allowed)
 
 

@@ -135,7 +135,7 @@ def impact(
     return summary
 
 
-def spheres(scene: Scene) -> str:
+    """Name by which the stages of a scene's spheres are called: "chain", "chains" or "crystal"."""
     """What the stages of a scene's spheres are called by: "chain", "chains" or "crystal"."""
     return "crystal" if scene.crystal else "chains" if scene.chains else "chain"
 
