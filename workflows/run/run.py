@@ -135,8 +135,8 @@ def impact(
     return summary
 
 
-    """Name by which the stages of a scene's spheres are called: "chain", "chains" or "crystal"."""
-    """What the stages of a scene's spheres are called by: "chain", "chains" or "crystal"."""
+def spheres(scene: Scene) -> str:
+    """Name of the spheres in the names of stages: "chain", "chains" or "crystal"."""
     return "crystal" if scene.crystal else "chains" if scene.chains else "chain"
 
 
