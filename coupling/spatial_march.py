@@ -455,10 +455,6 @@ def march_to_error(
         steps = Steps(spacing / stride, n_save, stride)
         return body.march(moving, system, 0.0, steps, modes=True), moving
 
-    # dampers before a residual compliance leave errors of order 1: 0.99 to 1.00 over five halvings
-    damped = body.prepared.damping is not None and body.wall.residual_compliance.any()
-    order = 1.0 if damped else 2.0
-
     # a contact that nothing presses or strikes has no rate
     first = search.dt or (search.phase / body.rate if body.rate > 0.0 else spacing)
     if search.dt is None:
@@ -500,12 +496,12 @@ def march_to_error(
             )
         saved, moving = run(finer, n_cells)
         change = measure(saved, coarse, radius)
-        of_steps = richardson(search.safety * change / speed, finer / stride, order)
+        of_steps = richardson(search.safety * change / speed, finer / stride, 2.0)
         estimate = of_cells + of_steps
         if search.dt is not None or estimate <= error:
             break
         excess = of_steps / (error - of_cells)
-        shorter = min(max(1.2, 1.1 * excess ** (1.0 / order)), 16.0)
+        shorter = min(max(1.2, 1.1 * math.sqrt(excess)), 16.0)
         coarse, stride = saved, finer
     steps = Steps(spacing / finer, n_save, finer)
     body = body._replace(search=search._replace(n_cells=n_cells))
@@ -516,7 +512,7 @@ def march_to_error(
     # the error of every sphere and contact, by the same differences
     def column_errors(name: str) -> Array:
         by_steps = np.abs(getattr(saved, name) - getattr(coarse, name)).max(axis=0)
-        errors = search.safety * richardson(by_steps, finer / stride, order)
+        errors = search.safety * richardson(by_steps, finer / stride, 2.0)
         if halved is not None:
             by_cells = getattr(last_cells, name) - getattr(halved, name)
             errors += search.safety * np.abs(by_cells).max(axis=0)

@@ -471,8 +471,11 @@ def forces(
         f[i + 1] = hertz_force(larger(x[i] - x[i + 1], 0.0), arrays.A[i])
     approach(t, motion, system)
     if arrays.gamma[n - 1] != 0.0:
-        # the elastic force without what S gives way anew, for the pressure alone
-        d = trials.gap[0] - (arrays.residual[0, 0] * motion.force[0] if arrays.soft else 0.0)
+        # the elastic force where S gives way under the last forces, continued, for the pressure
+        # alone: with the last forces as they are its error would be of order 1
+        d = trials.gap[0]
+        for i in range(motion.force.size):
+            d -= arrays.residual[0, i] * (motion.force[i] + trials.change[i])
         f[n] = hertz_force(larger(d, 0.0), arrays.A[n - 1])
     q = pressure(h, motion, arrays, trials.motion_rate[0])
     touch(q, motion, system, contacts)

@@ -1,12 +1,14 @@
 """A structure in three directions against a chain with friction: beside a plain integrator written
 from the formulas, limits that are known, energy, symmetries."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from beadwave import dem
 from beadwave.coupling.errors import CouplingError
-from beadwave.coupling.spatial_march import SpatialSearch, march_space
+from beadwave.coupling.spatial_march import SpatialSearch, body_of, march_space
 from beadwave.coupling.spatial_wall import (
     half_space,
     require_one_solution,
@@ -14,6 +16,7 @@ from beadwave.coupling.spatial_wall import (
 )
 from beadwave.dem.checks import InvalidChain
 from beadwave.dem.friction import tangential_law
+from beadwave.dem.kernels.arguments import Steps
 
 from bristles import Bristles, plain_march
 from spatial_contact import MU, NU, E, R, last, random_wall, row
@@ -214,6 +217,27 @@ def test_two_directions_before_a_residual_compliance_are_of_order_two():
     rough = march_space(chain, wall, [0.1], last(chain, (0.06, 0.05)), error=1e-4, **options)
     true = np.abs(rough.lateral.sphere_t_v - run.lateral.sphere_t_v).max() / 0.1
     assert true < rough.lateral.error_estimate
+
+
+def test_dampers_before_a_residual_compliance_are_of_order_two():
+    """Marches by 100 to 6400 steps, each halving within 0.1 of 2: by the contact's force of a step
+    before in the damper's share, the last one fell to 1.06."""
+    S = 4e-9 * np.array([[1.0, 0.3, -0.2], [0.3, 1.2, 0.4], [-0.2, 0.4, 0.8]])
+    chain, wall = (
+        row(dissipation="hunt-crossley", gamma=1.0),
+        random_wall(6)._replace(residual_compliance=S),
+    )
+    body = body_of(chain, wall, [0.1], last(chain, (0.06, 0.05)))
+    speeds = []
+    for n in 100 * 2 ** np.arange(7):
+        start, h = body.at_rest(), 1.5e-4 / n
+        start.motion.v[:], start.motion.u_v[:] = 0.1, [0.06, 0.05]
+        system = body.stepped(h)
+        body.settle(start, system, 0.0)
+        saved = body.march(start, system, 0.0, Steps(h, 20, n // 20))
+        speeds.append(np.concatenate([saved.v, saved.across[:, 1]], axis=1))
+    changes = np.array([np.abs(b - a).max() for a, b in pairwise(speeds)])
+    np.testing.assert_allclose(np.log2(changes[:-1] / changes[1:]), 2.0, atol=0.1)
 
 
 def test_what_nothing_moves_stays_at_rest():
