@@ -7,6 +7,7 @@ with drawn(shapes, step, volumes, gap) as drawing:    bodies, and which of them 
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
+from beadwave import system
 from beadwave.geometry.cad.contacts import Neighbours, TouchingPair, require_apart
 from beadwave.geometry.cad.face_triangles import drawn_face_triangles, own_face_triangles
 from beadwave.geometry.cad.joints import NamedParts
@@ -56,6 +58,7 @@ class Sizing(NamedTuple):
     element: str | None  # "tet": tetrahedra alone
     fields: Mapping[str, SizeField]  # sizes that vary over bodies
     usual: float  # on the sizes by the shape of a body
+    seconds: float = inf  # that the mesh of a body may take
 
 
 @contextmanager
@@ -132,6 +135,7 @@ def meshed(
         named=named,
         patches=chosen.patches,
         element=sizing.element,
+        seconds=sizing.seconds,
     )
     if chosen.partly:
         return meshes, by_volume
@@ -176,12 +180,19 @@ def nodes_of(meshes: Mapping[str, Mesh]) -> dict[str, float]:
     return {name: float(mesh.nvertices + mesh.nedges) for name, mesh in meshes.items()}
 
 
-def face_triangles(drawing: Drawing) -> dict[str, dict[int, NDArray[np.float64]]]:
+def face_triangles(
+    drawing: Drawing, seconds: float = inf
+) -> dict[str, dict[int, NDArray[np.float64]]]:
     """Corners (n, 3, 3) [m] of the triangles of each face, by body and by the face's tag; to be
-    called in `drawn`, before any mesh."""
+    called in `drawn`, before any mesh. A command ends where they take longer than `seconds`."""
     if drawing.own:
         return own_face_triangles(drawing.own)
-    by_tag = drawn_face_triangles(drawing.bodies.values())
+    late = (
+        f"the faces of {', '.join(drawing.bodies)} were not drawn within {seconds:g} s; repair "
+        "them in the CAD, or allow more by mesh.seconds."
+    )
+    with system.ended_after(seconds, late):
+        by_tag = drawn_face_triangles(drawing.bodies.values())
     return {
         name: {face.tag: by_tag[face.tag] for face in body.faces}
         for name, body in drawing.bodies.items()

@@ -13,13 +13,14 @@ t = 2 V / area,
 """
 
 from collections.abc import Mapping, Sequence
-from math import log, pi
+from math import inf, log, pi
 
 import gmsh
 import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh, MeshTet
 
+from beadwave import system
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.imprint import MERGED, Region, fitted, imprinted, regions
 from beadwave.geometry.cad.patches import Disc, Patch
@@ -69,13 +70,15 @@ def body_meshes(
     named: Mapping[str, FaceSelection] | None = None,
     patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
+    seconds: float = inf,
 ) -> dict[str, Mesh]:
     """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
 
     Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
     another body, under the same name in both. `element` = "tet" meshes all in tetrahedra; else what
     is an extrusion is meshed in hexahedra. Raises InvalidGeometry for a seed that would give too
-    many nodes, and ValueError, naming the body, for what gmsh cannot mesh.
+    many nodes, and ValueError, naming the body, for what gmsh cannot mesh. A command ends where a
+    body takes longer than `seconds`.
     """
     for body in bodies.values():
         size = sizes.of(body)
@@ -89,8 +92,12 @@ def body_meshes(
     meshes = {}
     for name, body in bodies.items():
         size = sizes.of(body)
+        late = late_mesh(body, size, seconds)
         try:
-            with failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'):
+            with (
+                failing(f'"{name}" could not be meshed with elements of {size.seed:.3g} m'),
+                system.ended_after(seconds, late),
+            ):
                 fitting = fitted(body, patches or {}, gap, size.around)
                 imprints = regions(body, touching, fitting, gap)
                 order = (body, imprints, named or {}, size, gap)
@@ -111,6 +118,21 @@ def body_meshes(
             mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, neighbours)
         meshes[name] = mesh
     return meshes
+
+
+def late_mesh(body: Body, size: Size, seconds: float) -> str:
+    """Sentence on a body whose mesh took longer than `seconds`."""
+    smallest = sorted(body.faces, key=lambda face: face.area)[:3]
+    faces = ", ".join(
+        f"{body.name}@{','.join(f'{x:.4g}' for x in face.centre.round(6) + 0.0)} "
+        f"({1e6 * face.area:.2g} mm2)"
+        for face in smallest
+    )
+    return (
+        f'"{body.name}" was not meshed within {seconds:g} s with elements of '
+        f"{1e3 * size.seed:.3g} mm; its smallest faces are {faces}. Take a larger seed for it, "
+        "repair these faces in the CAD, or allow more by mesh.seconds."
+    )
 
 
 def _require_edges(mesh: Mesh, name: str, disc: Disc, body: Body, gap: float) -> None:

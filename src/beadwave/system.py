@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from errno import ENOLCK, ENOSYS, ENOTSUP
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event, Thread, Timer
 
 try:
     import resource
@@ -410,3 +410,29 @@ def file_name(name: str) -> str:
         legal = stem[: LONGEST - len(dot + ending)] + dot + ending
     legal = legal.rstrip(". ")
     return f"_{legal}" if not legal or RESERVED.fullmatch(legal) else legal
+
+
+# set where the process is the command line's, which may end it; from Python it is its caller's
+ended_by_us = Event()
+
+
+@contextmanager
+def ended_after(seconds: float, sentence: str) -> Iterator[None]:
+    """End a process of the command line with a sentence and status 2 where the block takes longer:
+    a compiled library inside it cannot be stopped otherwise. What is half written stays under
+    another name. A process that is not ours goes on."""
+    if not ended_by_us.is_set():
+        yield
+        return
+    timer = Timer(seconds, _end, (sentence,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _end(sentence: str) -> None:
+    os.write(2, f"beadwave: {sentence}\n".encode())
+    os._exit(2)

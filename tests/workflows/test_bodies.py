@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 import tomllib
 from contextlib import nullcontext
 from importlib.util import module_from_spec, spec_from_file_location
@@ -15,6 +17,7 @@ from PIL import Image
 from scipy.integrate import quad
 from skfem import Basis, FacetBasis
 
+from beadwave import system
 from beadwave.fem import Material
 from beadwave.geometry.cad.occ import write_step
 from beadwave.geometry.cad.shapes import Box, Hole, Slab
@@ -266,6 +269,19 @@ def test_a_look_at_a_round_body_draws_it_and_foretells_its_dofs(made):
     assert 0.5 < foreseen.found.bodies[0].dofs / counted.bodies[0].dofs < 2
     picture = np.asarray(Image.open(BytesIO(foreseen.plot().png)).convert("L"))
     assert np.mean(picture < 250) > 0.05
+
+
+def test_a_mesh_that_takes_too_long_ends_the_command_in_a_sentence():
+    """Of a process of its own, since gmsh cannot be stopped otherwise; not of one that calls from
+    Python, as this."""
+    refined = {"bodies.beam.seed": "1 mm", "mesh.element": "tet", "mesh.seconds": 1}
+    given = [f"--set={key}={value}" for key, value in refined.items()]
+    command = [sys.executable, "-m", "beadwave", "modes", "cantilever", *given]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 2 and not done.stdout
+    assert '"beam" was not meshed within 1 s with elements of 1 mm; its smallest' in done.stderr
+    assert "or allow more by mesh.seconds." in done.stderr and "Traceback" not in done.stderr
+    assert not system.ended_by_us.is_set()
 
 
 def test_a_look_says_that_a_run_may_refuse_what_no_memory_holds(capsys):

@@ -49,6 +49,7 @@ def end_at_once() -> None:
 def unwind() -> None:
     """From now on signals raise Stopped, so that files half written go and children end."""
     sys.unraisablehook = _silent
+    system.ended_by_us.set()
     _handle(_raise)
     # Python runs a handler between two of its own instructions, so never inside one compiled march
     # or mesh; the byte that C writes at once wakes a thread that ends the process in its stead

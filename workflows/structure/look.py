@@ -225,7 +225,7 @@ def look(
         start = starter(geometry, Path(source), scene.assembly.gap) if with_starter else None
         page, surfaces, fixtures = None, {}, {}
         if pictured:
-            triangles = face_triangles(geometry)
+            triangles = face_triangles(geometry, scene.mesh.seconds)
             page = face_page(source, geometry.bodies, triangles)
             if parts is None:
                 surfaces = {name: surface(of_faces) for name, of_faces in triangles.items()}

@@ -14,6 +14,7 @@ from beadwave.workflows.scene.scene_table import (
 )
 from beadwave.workflows.scene.units import (
     MASS,
+    TIME,
 )
 
 
@@ -29,6 +30,8 @@ class AskedOfMesh(SceneTable):
     unknowns: Annotated[int, Field(ge=1000, le=10_000_000)] = 300_000
     # sizes of elements that a run with `error` has chosen, the sizes.npz of its folder
     sizes: FileName | None = None
+    # [s] that the mesh of one body may take: a command ends with a sentence after that
+    seconds: of(Positive, TIME, 1.0, 1e6) = 600.0
 
     @property
     def asked(self) -> dict[str, float | int | str | None]:

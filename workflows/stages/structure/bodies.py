@@ -169,8 +169,9 @@ def sizing_of(
     seeds = {name: scene.seed_of(name) for name in bodies}
     element = "tet" if scene.mesh.element == "tet" else None
     return Sizing(
-        scene.assembly.gap, scene.mesh.scale, seeds, fine, coarser, element, fields, sizes.usual
-    )
+        scene.assembly.gap, scene.mesh.scale, seeds, fine, coarser, element, fields, sizes.usual,
+        scene.mesh.seconds,
+    )  # fmt: skip
 
 
 def box_of(body: Body) -> NDArray[np.float64]:
