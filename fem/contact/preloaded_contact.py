@@ -29,6 +29,13 @@ from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse import csr_matrix, diags_array, vstack
 from scipy.spatial import cKDTree
 
+from beadwave.fem.contact.coulomb_friction import (
+    CONVERGED,
+    FrictionInterface,
+    Loaded,
+    SlipState,
+    loaded_to,
+)
 from beadwave.fem.contact.facing_facets import FacingFacets
 from beadwave.fem.modes.solver.factorisation import Factor, condensed_on
 
@@ -68,13 +75,16 @@ class PreloadedContact(NamedTuple):
     facets: FacingFacets
     pressure: NDArray[np.float64]  # (m,) [Pa]
     gap: NDArray[np.float64]  # (m,) [m]
-    state: NDArray[np.int64]  # (m,) OPEN, SLIDING or STUCK
-    u: NDArray[np.float64]  # (n,) [m] displacements of the free dofs
+    state: NDArray[np.int64]  # (m,) OPEN, SLIDING with its shear at its limit, or STUCK
+    # (n,) [m] displacements of the free dofs and (m,) [Pa] pressure while nothing rubs: that state
+    # alone has geometric stiffnesses that cancel in rigid motions
+    u: NDArray[np.float64]
+    smooth_pressure: NDArray[np.float64]
     hard: NDArray[np.float64]  # (m,) [Pa/m] stiffness of the layers by which faces are kept apart
     rough: NDArray[np.float64]  # (m,) [m/Pa] compliance of rough faces, lambda / p
     bolts: NDArray[np.float64]  # (m,) [Pa/m] by which bolts resist the sliding of a facet
     friction: NDArray[np.float64]  # (m,)
-    shear: NDArray[np.float64]  # (2, m) [N] that STUCK facets carry, against their opening
+    shear: NDArray[np.float64]  # (2, m) [N] of friction, against their opening
     interface: Interface
     locked: NDArray[np.float64]  # (b,) [N/m] of bolts about the state
     n_steps: int
@@ -98,11 +108,14 @@ class PreloadedContact(NamedTuple):
     @property
     def layers(self) -> NDArray[np.float64]:
         """Stiffnesses (3 m + b,) [N/m] of the interface about this state: along the normal of
-        closed facets, and across them that of the layers where they stick and of the bolts where
-        they slide."""
+        closed facets, and across them that of the layers with friction and of the bolts without.
+
+        A facet that slid while its preload grew sticks to a small vibration: what turns the shear
+        or takes from it meets no limit, and what adds to it is worn off in a few cycles.
+        """
         area, on = self.facets.area, self.state != OPEN
         k = np.where(on, area / (1 / self.hard + self.rough), 0.0)
-        across = np.where(self.state == STUCK, MINDLIN * k, np.where(on, area * self.bolts, 0.0))
+        across = np.where(self.friction > 0, MINDLIN * k, np.where(on, area * self.bolts, 0.0))
         return np.concatenate([k, across, across, self.locked])
 
 
@@ -218,8 +231,9 @@ def preloaded_contact(
         facets=facets,
         pressure=P / facets.area,
         gap=g_0 + d,
-        state=np.where(closed, STUCK, OPEN),
+        state=np.where(closed, SLIDING, OPEN),
         u=u,
+        smooth_pressure=P / facets.area,
         hard=contact.stiffness,
         rough=zero,
         bolts=zero,
@@ -241,37 +255,54 @@ def with_friction(
     state: PreloadedContact,
     F: NDArray[np.float64],
     friction: NDArray[np.float64],
+    gap: NDArray[np.float64] | None = None,
 ) -> PreloadedContact:
-    """The state with SLIDING facets: those whose shear under F, as if all stuck while it grew, is
-    beyond friction (m,) times pressure; what slides has the stiffness of the bolts along the faces
-    alone."""
+    """The state with Coulomb friction (m,) while F grew in proportion: facets STUCK with a shear
+    below friction times pressure, or SLIDING with just that; along the faces what slides has
+    besides the stiffness of the bolts. Pressure and zone follow. Raises ValueError for faces that
+    slip as a whole where nothing else carries F."""
     interface, m = contact.interface, len(contact.facets.area)
-    closed, r = np.flatnonzero(state.state != OPEN), len(interface.layers)
-    across = np.concatenate([m + closed, 2 * m + closed])
+    g_0 = contact.facets.gap if gap is None else gap
+    closed, r = state.state != OPEN, len(interface.layers)
+    if not np.any(friction):
+        return state._replace(friction=friction)
 
-    # the closed facets, with the others open
-    on = np.tile(state.state != OPEN, 3)
-    layers = interface.layers * np.append(on, np.ones(r - 3 * m))
-    c = contact.C @ contact.factor.solve(F)
-    both = interface.openings(layers, np.column_stack([c, interface.W[:, across]]), across)
-    c, stuck = both[:, 0], Interface(layers[across], both[:, 1:])
+    # linear with the closed facets stuck and the others open, and with P = -k g_0 at d = 0
+    on, kA = np.flatnonzero(closed), interface.layers[:m]
+    layers = interface.layers * np.append(np.tile(closed, 3), np.ones(r - 3 * m))
+    rows = np.concatenate([np.arange(m), m + on, 2 * m + on])
+    P_0 = np.where(closed, -kA * g_0, 0.0)
+    c = contact.C @ contact.factor.solve(F + contact.C[:m].T @ P_0)
+    both = interface.openings(layers, np.column_stack([c, interface.W[:, rows]]))
+    c, W = both[:, 0], both[:, 1:]
+    stuck = interface.layers[m + on]
+    bolts = np.maximum((contact.facets.area * state.bolts)[on], LEFT_ACROSS * stuck)
+    loaded = Loaded(
+        FrictionInterface(
+            W=W[rows], stuck=on, closed=closed, normal=kA, force=P_0, gap=g_0, across=stuck - bolts,
+            shear=np.zeros((2, len(on))), friction=friction[on],
+        ),
+        c[rows], 0.0,
+    )  # fmt: skip
+    none = SlipState(0.0, np.zeros(len(rows)), np.zeros(len(on), bool))
+    after = loaded_to(loaded, none, 1.0)
 
-    bolts = (contact.facets.area * state.bolts)[closed]
-    left = np.tile(np.maximum(bolts, LEFT_ACROSS * stuck.layers[: len(closed)]), 2)
-    limit = (friction * state.pressure * contact.facets.area)[closed]
-    slides = limit == 0
-    shear = np.zeros((2, len(closed)))
-    for _ in range(MAX_STEPS):
-        d = stuck.openings(np.where(np.tile(slides, 2), left, stuck.layers), c)
-        shear = np.where(slides, 0.0, -(stuck.layers * d).reshape(2, -1))
-        begins = np.hypot(*shear) > limit
-        if not begins.any():
-            break
-        slides |= begins
-    states, shears = state.state.copy(), np.zeros((2, m))
-    states[closed] = np.where(slides, SLIDING, STUCK)
-    shears[:, closed] = shear
-    return state._replace(state=states, friction=friction, shear=shears)
+    d = c + W @ after.s
+    P = np.where(closed, P_0 - kA * d[:m], 0.0) + after.s[:m]
+    P[P < CONVERGED * P.max()] = 0.0  # an open facet has rounding
+    shear = np.zeros((2, m))
+    across = d[rows[m:]].reshape(2, -1)
+    shear[:, on] = after.s[m:].reshape(2, -1) - (stuck - bolts) * across
+    shear *= P > 0
+    slides = np.ones(m, bool)
+    slides[on] = after.slips
+    return state._replace(
+        pressure=P / contact.facets.area,
+        gap=g_0 + d[:m],
+        state=np.where(P > 0, np.where(slides, SLIDING, STUCK), OPEN),
+        friction=friction,
+        shear=shear,
+    )
 
 
 def rim(contact: PreloadedContact) -> NDArray[np.bool_]:

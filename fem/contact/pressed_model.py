@@ -159,7 +159,7 @@ def pressure_stiffness(contact: PreloadedContact) -> csr_matrix:
     of -int p g with g = n . (x_2 - x_1), dn = -grad u_n. Without it faces that slide would buckle
     under the compression of the bodies."""
     facets, m = contact.facets, len(contact.pressure)
-    P = diags_array(np.tile(contact.pressure * facets.area, 2))
+    P = diags_array(np.tile(contact.smooth_pressure * facets.area, 2))
     A = csr_matrix(facets.S.T @ P @ facets.C[m:])
     return csr_matrix(A + A.T)
 

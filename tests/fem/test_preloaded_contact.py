@@ -8,7 +8,13 @@ from beadwave.fem import Connections, HeldFace, Load, Material, Rod, Tie, assemb
 from beadwave.fem.assembly.trace import face_mean
 from beadwave.fem.contact.facing_facets import clipped, facing_facets
 from beadwave.fem.contact.further_states import modes_about
-from beadwave.fem.contact.preloaded_contact import OPEN, SLIDING, condensed, preloaded_contact
+from beadwave.fem.contact.preloaded_contact import (
+    OPEN,
+    SLIDING,
+    condensed,
+    preloaded_contact,
+    with_friction,
+)
 from beadwave.fem.contact.pressed_model import PairInContact, pressed_assembly, pressed_model
 
 E = 210e9
@@ -123,6 +129,46 @@ def test_a_gap_of_a_sphere_gives_hertz_pressure_and_zone():
     hertz = p_0 * np.sqrt(1 - (r[inner] / a) ** 2)
     np.testing.assert_allclose(state.pressure[inner], hertz, rtol=0.03)
     assert np.all(state.gap[state.state == OPEN] >= 0)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_a_pressed_bar_slips_from_its_pulled_end_as_far_as_friction_asks(share):
+    """A bar that an even pressure holds on a rigid base by friction f per length, pulled by F < f L:
+    it slips over F / f. Facets are a 60th of the bar; it is a
+    100th high."""
+    L, w, h, mu, p, n = 0.1, 2e-3, 1e-3, 0.3, 1e6, 60
+    material = Material(E, 0.0, 7850.0)
+    x, y = np.linspace(0, L, n + 1), np.linspace(0, w, 3)
+    meshes = {}
+    for body, z in (("base", [-h, 0.0]), ("bar", [0.0, h])):
+        mesh = MeshHex.init_tensor(x, y, np.array(z))
+        at = {"bottom": (2, z[0]), "top": (2, z[1]), "end": (0, L)}
+        meshes[body] = mesh.with_boundaries(
+            {
+                name: (lambda q, axis=axis, value=value: np.isclose(q[axis], value, atol=1e-9))
+                for name, (axis, value) in at.items()
+            }
+        )
+    structure = assemble(meshes, dict.fromkeys(meshes, material))
+    model = joined(structure, Connections(held=[HeldFace("base:bottom"), HeldFace("base:top")]))
+    facets = facing_facets(structure, "bar:bottom", "base:top")
+    contact = condensed(model.K, model.M, model.T, facets, np.full(2 * n, 300 * E / h))
+
+    f, F = mu * p * w, np.zeros((len(structure.points), 3))
+    pull = share * f * L
+    top, end = face_mean(structure, "bar:top"), face_mean(structure, "bar:end")
+    F[top.node, 2] = -top.share * p * w * L
+    F[end.node, 0] = end.share * pull
+    load = model.T.T @ F.ravel()
+    state = with_friction(contact, preloaded_contact(contact, load), load, np.full(2 * n, mu))
+    sliding, shear = state.state == SLIDING, np.hypot(*state.shear)
+    P = state.pressure * facets.area
+    assert facets.points[sliding, 0].min() > facets.points[~sliding, 0].max()
+    assert state.zone_area == pytest.approx(L * w)
+    assert facets.area[sliding].sum() == pytest.approx(share * L * w, abs=1.5 * L * w / n)
+    np.testing.assert_allclose(shear[sliding], mu * P[sliding], rtol=1e-6)
+    assert np.all(shear[~sliding] <= mu * P[~sliding] * (1 + 1e-9))
+    assert shear.sum() == pytest.approx(pull, rel=1e-3)  # some of it across the bar
 
 
 def pressing(tension, friction, rough=0.0):

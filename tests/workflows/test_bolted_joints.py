@@ -237,6 +237,42 @@ def test_modes_of_faces_in_contact_have_their_zone_and_arrays(table, capsys, tmp
 
 
 @pytest.mark.slow
+def test_a_bracket_that_only_its_bolt_holds_sticks_to_what_it_is_bolted_on():
+    """The lower plate is held, so that the upper one slides all over while it is pressed; to a
+    vibration it sticks nevertheless. Without friction only the bolt's shear is left."""
+    tables = plates({"model": "contact", "friction": 0.15})
+    tables["assembly"]["held"] = ["left:-z"]
+    table = modes(tables).table
+    (faces,), first = table.contact, table.rows[0]
+    assert faces.force_N == pytest.approx(12e3, rel=1e-6) and faces.stuck_share < 0.1
+    assert 0.5 * first.tied_hz < first.frequency_hz <= first.tied_hz
+    assert 100 < first.frictionless_hz < 0.3 * first.frequency_hz
+
+
+@pytest.mark.slow
+def test_a_free_stack_keeps_six_rigid_motions_and_presses_each_pair_of_faces():
+    """Three plates that contact and one bolt alone hold."""
+    tables = plates({"stack": ["left", "right", "lid"], "model": "contact"})
+    del tables["joints"][0]["between"]
+    plate = {"outline": SQUARE, "thickness": 0.005}
+    tables["bodies"]["lid"] = {"plate": plate, "holes": HOLES, "at": [0.0, 0.0, 0.02]}
+    table = modes(tables).table
+    hz = [row.frequency_hz for row in table.rows]
+    assert max(hz[:6]) < 1e-3 * hz[6]
+    assert table.contact[0].force_N == pytest.approx(2 * 12e3, rel=1e-6)
+    for row in table.rows[6:12]:
+        assert row.frictionless_hz < row.frequency_hz < row.tied_hz
+
+
+def test_a_body_that_lies_loose_on_others_is_refused():
+    tables = plates({"model": "contact"})
+    plate = {"outline": SQUARE, "thickness": 0.005}
+    tables["bodies"]["lid"] = {"plate": plate, "at": [0.0, 0.0, 0.02]}
+    with pytest.raises(InvalidScene, match="can still move"):
+        modes(tables)
+
+
+@pytest.mark.slow
 def test_a_sweep_over_preload_and_friction_has_the_numbers_of_separate_runs(
     table, tmp_path, monkeypatch
 ):

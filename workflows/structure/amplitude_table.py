@@ -80,7 +80,7 @@ def _without_rounding(value: float) -> float:
 
 def slip_sentences(contact: PreloadedContact, backbones: Mapping[int, ModalBackbone]) -> list[str]:
     """Modes whose faces slip as a whole, and modes whose faces cannot slip or are not sheared."""
-    if not (contact.state == STUCK).any():
+    if not contact.friction[contact.state != OPEN].any():
         return [
             "All of the zone slides under the preload, with friction that holds nothing: no facet "
             "is left that could slip in a mode; frequency and loss are those of the first table."

@@ -65,11 +65,11 @@ def two_plates(
     model = pressed_model(assembly, load, faces)
     state = model.contact
 
-    # the state without friction: K u = F + C^T P, faces neither overlap nor pull
+    # without friction K u = F + C^T P; faces neither overlap nor pull
     m, P = len(state.pressure), state.pressure * state.facets.area
     F = open_model.T.T @ tightened(structure, load.rods).f
     left = open_model.K @ state.u + SHIFT * (open_model.M @ state.u)
-    left -= F + assembly.contact.C[:m].T @ P
+    left -= F + assembly.contact.C[:m].T @ (state.smooth_pressure * state.facets.area)
     layer = state.hard * state.facets.area
     moved = np.abs(state.u).max()
     on = state.state != OPEN

@@ -8,8 +8,6 @@ from beadwave import fem
 from beadwave.fem.contact.joint_bounds import JointBounds, spread_hz
 from beadwave.fem.contact.preloaded_contact import (
     OPEN,
-    SLIDING,
-    STUCK,
     joined_stiffness,
     rim,
 )
@@ -34,10 +32,10 @@ def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyMod
             other = fem.prestressed(other, mesh.materials, mesh.load)
         return fem.modes(other.K, other.M, n)
 
-    def modes_in(state: NDArray[np.int64]) -> fem.Modes:
-        """The modes with other states of the facets in contact."""
+    def modes_in(**other: NDArray) -> fem.Modes:
+        """The modes with other states or frictions of the facets in contact."""
         C, contact = csr_matrix(model.contact.facets.C @ model.T), model.contact
-        changed = joined_stiffness(C, contact._replace(state=state)) - joined_stiffness(C, contact)
+        changed = joined_stiffness(C, contact._replace(**other)) - joined_stiffness(C, contact)
         other = model._replace(K0=(model.K0 + changed).tocsc())
         return fem.modes(other.K, other.M, n)
 
@@ -53,8 +51,7 @@ def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyMod
     if model.contact is None:
         without_friction = fem.modes(sliding.K, sliding.M, n)
     else:
-        closed = model.contact.state != OPEN
-        without_friction = modes_in(np.where(closed, SLIDING, OPEN))
+        without_friction = modes_in(friction=np.zeros(len(model.contact.friction)))
 
     # groups of springs whose errors have one cause: those across and those along the faces of the
     # joints of a table
@@ -65,13 +62,12 @@ def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyMod
     ]
     spread = spread_hz(model, computed, without_friction, groups)
 
-    # faces in contact: half of what the frequency changes as facets at the rim of the zone open,
-    # and half of what it changes as all of the zone sticks, are one deviation each
+    # faces in contact: half of what the frequency changes as facets at the rim of the zone open is
+    # one deviation
     hz = computed.frequency_hz
     if model.contact is not None:
-        inner = np.where(rim(model.contact), OPEN, model.contact.state)
-        for state in (inner, np.where(closed, STUCK, OPEN)):
-            spread = np.hypot(spread, (hz - modes_in(state).frequency_hz) / 2)
+        inner = modes_in(state=np.where(rim(model.contact), OPEN, model.contact.state))
+        spread = np.hypot(spread, (hz - inner.frequency_hz) / 2)
 
     # discs are neither rigid nor as flexible as the face alone: half of what a model differs in
     # which both are held by their mean is one deviation
