@@ -1,25 +1,28 @@
-"""Two plane faces that look at each other, facet by facet, on meshes that need not match.
+"""Two faces that look at each other, facet by facet, on meshes that need not match.
 
-Each facet of the first face is cut into the convex polygons that it has in common with facets of
-the second one, and these into triangles with a quadrature that is exact for quadratic shape
-functions. The mean opening over a facet f,
+Each facet of the first face has a plane with its normal n. Facets of the second face are seen along
+n: what both have in common there is cut into convex polygons, and these into triangles with a
+quadrature that is exact for quadratic shape functions. The mean opening over a facet f,
 
     g_f = g_0f + 1 / A_f int_f n . (u_second - u_first) dA = g_0f + c_f u,
 
 is what pressure, constant on it, works on: an even pressure gives the consistent forces of both
 faces, so that the patch test is met exactly on meshes that match and on those that do not (mortar
 method with pressure of degree 0). M. A. Puso, T. A. Laursen, Comput. Methods Appl. Mech. Eng. 193
-(2004) 601.
+(2004) 601. The gap g_0 is that along n between the planes, cylinders and spheres that the nodes lie
+on (`fem.contact.round_face`), else between the facets.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix, diags_array, vstack
 
+from beadwave.fem.assembly.chord_height import area_vectors
 from beadwave.fem.assembly.elasticity import Structure
-from beadwave.fem.assembly.trace import face_mean, interpolation, local_coordinates
+from beadwave.fem.assembly.trace import interpolation, local_coordinates
+from beadwave.fem.contact.round_face import fitted
 
 # triangle rule of degree 4 (Dunavant, Int. J. Numer. Methods Eng. 21 (1985) 1129): barycentric
 # coordinates and shares of the area
@@ -28,6 +31,7 @@ TRIANGLE = np.array([np.roll([1 - 2 * x, x, x], k) for x in (_A, _B) for k in ra
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 SMALLEST = 1e-8  # of a facet's area: smaller common parts are rounding
 ROUNDING = 1e-9  # [m] of the places of faces
+FACING = -0.5  # cosine of the normals of facets that look at each other, at most
 
 
 class FacingFacets(NamedTuple):
@@ -39,7 +43,12 @@ class FacingFacets(NamedTuple):
     gap: NDArray[np.float64]  # (m,) [m] before any load
     C: csr_matrix  # (3 m, ndof) mean opening of each along n, then t1 of all, then t2 of all
     S: csr_matrix  # (2 m, ndof) mean slopes of the first face's displacement along n, on t1, on t2
-    axes: NDArray[np.float64]  # (3, 3) rows n out of the first face, t1, t2
+    axes: NDArray[np.float64]  # (m, 3, 3) rows n out of the first face, t1, t2
+
+    @property
+    def spanned(self) -> NDArray[np.int64]:
+        """The two global axes (2,) along which the facets lie best."""
+        return np.sort(np.argsort(self.area @ np.abs(self.axes[:, 0]), kind="stable")[:2])
 
     def direction(self, i: int) -> csr_matrix:
         """Rows (m, ndof) of the openings along axis i."""
@@ -48,71 +57,85 @@ class FacingFacets(NamedTuple):
 
 
 def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.0) -> FacingFacets:
-    """The facets of a plane face "body:face" that lie on another one, up to `gap` [m] away; facets
-    of the first face carry the pressure. Raises ValueError for faces that are not plane, and for
+    """The facets of a face "body:face" that look at another one, up to `gap` [m] away along their
+    normals, or that lie in it; facets of the first face carry the pressure. Raises ValueError for
     two that have nothing in common."""
-    mean = face_mean(structure, first)
-    if np.linalg.norm(mean.normal) < 1 - 1e-6:
-        raise ValueError(f"the face {first!r} is not plane; contact under preload takes planes.")
-    n = mean.normal / np.linalg.norm(mean.normal)
-    t1 = np.eye(3)[np.argmin(np.abs(n))]
-    t1 = t1 - (t1 @ n) * n
-    t1 /= np.linalg.norm(t1)
-    axes = np.array([n, t1, np.cross(n, t1)])
-
-    # the gap is that of the planes
-    opposite = face_mean(structure, second)
-    away = (opposite.centre - mean.centre) @ n
-    if opposite.normal @ n > 1e-6 - 1 or abs(away) > gap + ROUNDING:
-        raise ValueError(
-            f"the face {second!r} does not lie on {first!r} all over; contact under preload takes "
-            "planes that do."
-        )
-
-    # facets of both faces as polygons in the plane (k, 3 or 4, 2), counted around
+    # facets (k,) of both faces: corners (k, 3 or 4, 3) and outward normals (k, 3)
     bodies, numbers = zip(*(structure.facets(face) for face in (first, second)), strict=True)
     meshes = [structure.basis[body].mesh for body in bodies]
-    mine, other = (
-        _counted_around(mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0) @ axes[1:].T)
-        for mesh, facets in zip(meshes, numbers, strict=True)
-    )
+    corners, normals = zip(*map(_outward, meshes, numbers), strict=True)
+    centres = [x.mean(axis=1) for x in corners]
+    n = normals[0]
+    t1 = np.eye(3)[np.argmin(np.abs(n).round(9), axis=1)]
+    t1 = t1 - np.einsum("ij,ij->i", t1, n)[:, None] * n
+    t1 /= np.linalg.norm(t1, axis=1)[:, None]
+    axes = np.stack([n, t1, np.cross(n, t1)], axis=1)
 
-    # common parts, of pairs whose boxes meet
-    low, high = other.min(axis=1), other.max(axis=1)
-    meet = [np.all((low < p.max(axis=0)) & (high > p.min(axis=0)), axis=1) for p in mine]
+    # pairs of facets whose boxes meet and that look at each other
+    reach = gap + ROUNDING
+    low, high = (getattr(corners[1], f)(axis=1) for f in ("min", "max"))
+    meet = [
+        np.all((low < x.max(axis=0) + reach) & (high > x.min(axis=0) - reach), axis=1)
+        & (normals[1] @ normal < FACING)
+        for x, normal in zip(corners[0], n, strict=True)
+    ]
     pair = np.argwhere(meet)
-    parts = clipped(mine[pair[:, 0]], other[pair[:, 1]])
+    owner, facing = pair.T
+
+    # common parts, seen along the normal of the first
+    origin, frame = centres[0][owner], axes[owner]
+    mine, other = (
+        _counted_around(np.einsum("pij,pkj->pki", frame[:, 1:], x[i] - origin[:, None]))
+        for x, i in zip(corners, (owner, facing), strict=True)
+    )
+    parts = clipped(mine, other)
     fans = np.stack(
         [np.broadcast_to(parts[:, :1], parts[:, 2:].shape), parts[:, 1:-1], parts[:, 2:]], axis=2
     )  # (pairs, triangles, 3, 2)
-    areas, whole = _areas(fans), _areas(mine)
+    areas, whole = _areas(fans), np.abs(_signed_areas(mine))
     n_triangles = areas.shape[1]
-    areas[areas.sum(axis=1) <= SMALLEST * whole[pair[:, 0]]] = 0.0
+    areas[areas.sum(axis=1) <= SMALLEST * whole] = 0.0
+
+    # points of the quadrature: on the plane of the first facet, and along n on that of the second
     kept = np.flatnonzero(areas)
-    if not len(kept):
-        raise ValueError(f"the faces {first!r} and {second!r} have nothing in common.")
     x = (TRIANGLE @ fans.reshape(-1, 3, 2)[kept]).reshape(-1, 2)
     w = np.outer(areas.ravel()[kept], SHARES).ravel()
-    owner, facing = np.repeat(pair[kept // n_triangles], len(SHARES), axis=0).T
+    at = np.repeat(kept // n_triangles, len(SHARES))
+    own = origin[at] + np.einsum("pi,pij->pj", x, frame[at][:, 1:])
+    n, opposite = frame[at][:, 0], normals[1][facing[at]]
+    height = np.einsum("pj,pj->p", centres[1][facing[at]] - own, opposite)
+    height /= np.einsum("pj,pj->p", n, opposite)
+    over = own + height[:, None] * n
+    away = _between(meshes, numbers, normals, own, n, height)
 
-    # mean openings of the facets that have a part in common, each face at its own plane
+    # facets whose mean gap is within reach
+    used, row = np.unique(owner[at], return_inverse=True)
+    area = np.bincount(row, w, len(used))
+    mean_gap = np.bincount(row, w * away, len(used)) / area
+    near = mean_gap <= reach
+    if not near.any():
+        raise ValueError(f"the faces {first!r} and {second!r} have nothing in common.")
+    inside = near[row]
+    x, w, at, own, over, n = (part[inside] for part in (x, w, at, own, over, n))
+    used, row = np.unique(owner[at], return_inverse=True)
+    area, mean_gap = np.bincount(row, w), mean_gap[near]
+
+    # mean openings of the facets
     P = []
-    for body, mesh, facets, height in zip(
-        bodies, meshes, (numbers[0][owner], numbers[1][facing]), (0.0, away), strict=True
+    for body, mesh, facets, points in zip(
+        bodies, meshes, (numbers[0][owner[at]], numbers[1][facing[at]]), (own, over), strict=True
     ):
-        points = x @ axes[1:] + (mean.centre @ n + height) * n
         cells = mesh.f2t[0, facets]
         basis = structure.basis[body]
         X = local_coordinates(basis.mapping, points.T[:, :, None], cells)
-        at = interpolation(basis, X[:, :, 0], cells)
-        shape = at.shape[0], structure.n_dofs
-        P.append(csr_matrix((at.data, at.indices + structure.first[body], at.indptr), shape))
-    used, row = np.unique(owner, return_inverse=True)
-    area = np.bincount(row, w)
+        shapes = interpolation(basis, X[:, :, 0], cells)
+        columns = shapes.indices + structure.first[body]
+        shape = shapes.shape[0], structure.n_dofs
+        P.append(csr_matrix((shapes.data, columns, shapes.indptr), shape))
     shape = (len(used), len(w))
     average = csr_matrix((w / area[row], (row, np.arange(len(w)))), shape)
-    opening = P[1] - P[0]
-    along = [sum(axis[k] * opening[k::3] for k in range(3)) for axis in axes]
+    opening, frames = P[1] - P[0], axes[used][row]
+    along = [_component(opening, frames[:, i]) for i in range(3)]
     C = vstack([average @ part for part in along]).tocsr()
 
     # slopes by least squares over the points of a facet
@@ -120,11 +143,43 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
     moments = np.zeros((len(used), 2, 2))
     np.add.at(moments, row, w[:, None, None] * off[:, :, None] * off[:, None, :])
     weights = w[:, None] * np.einsum("nij,nj->ni", np.linalg.inv(moments)[row], off)
-    u_n = sum(n[k] * P[0][k::3] for k in range(3))
+    u_n = _component(P[0], n)
     S = vstack([csr_matrix((q, (row, np.arange(len(w)))), shape) @ u_n for q in weights.T]).tocsr()
 
-    middles = average @ (x @ axes[1:]) + (mean.centre @ n) * n
-    return FacingFacets(middles, area, whole[used], np.full(len(used), away), C, S, axes)
+    facets_whole = np.linalg.norm(area_vectors(corners[0].transpose(2, 1, 0)), axis=1)
+    return FacingFacets(average @ own, area, facets_whole[used], mean_gap, C, S, axes[used])
+
+
+def _outward(mesh, facets: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Corners (k, n, 3) of facets, and their unit normals (k, 3) out of the elements behind."""
+    corners = mesh.p[:, mesh.facets[:, facets]]
+    vectors = area_vectors(corners)
+    behind = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1).T
+    corners = corners.transpose(2, 1, 0)
+    outward = np.sign(np.einsum("ij,ij->i", vectors, corners.mean(axis=1) - behind))
+    normals = vectors * (outward / np.linalg.norm(vectors, axis=1))[:, None]
+    # a plane face has one normal, whatever the rounding of its corners
+    mean = normals.mean(axis=0)
+    if np.linalg.norm(mean) > 1 - 1e-9:
+        normals = np.broadcast_to(mean / np.linalg.norm(mean), normals.shape)
+    return corners, normals
+
+
+def _between(meshes, numbers, normals, own, n, height) -> NDArray[np.float64]:
+    """Distances (k,) [m] along n (k, 3) from the first face to the second near points `own` (k, 3)
+    on the facets of the first, which are `height` (k,) from the facets of the second."""
+    ends = []
+    for mesh, facets, outward, known in zip(
+        meshes, numbers, normals, (np.zeros(len(own)), height), strict=True
+    ):
+        surface = fitted(mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0), outward)
+        ends.append(known if surface is None else surface.distance(own, n, known))
+    return ends[1] - ends[0]
+
+
+def _component(P: csr_matrix, axis: NDArray[np.float64]) -> csr_matrix:
+    """Rows (k, ndof) of displacements P (3 k, ndof) at points along an axis (k, 3) of each."""
+    return sum(diags_array(axis[:, k]) @ P[k::3] for k in range(3))
 
 
 def clipped(subjects: NDArray[np.float64], by: NDArray[np.float64]) -> NDArray[np.float64]:

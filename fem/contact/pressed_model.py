@@ -69,8 +69,8 @@ def pressed_assembly(
 ) -> PressedAssembly:
     """The faces of a model condensed, with rods where the load has them.
 
-    Raises ValueError for faces that are not plane or have nothing in common, and for rods that
-    `tightened` refuses.
+    Raises ValueError for faces that have nothing in common, and for rods that `tightened`
+    refuses.
     """
     structure, T = model.structure, model.T
     pairs = [facing_facets(structure, *f.pair[:2], gap=f.pair.gap) for f in faces]
@@ -156,17 +156,19 @@ def floats(K, T: csr_matrix) -> bool:
 
 def pressure_stiffness(contact: PreloadedContact) -> csr_matrix:
     """K_G (ndof, ndof) [N/m] of the pressure, which turns with the first face: the second variation
-    of -int p g with g = n . (x_2 - x_1), dn = -grad u_n. Without it faces that slide would buckle
-    under the compression of the bodies."""
+    of -int p g with g = n . (x_2 - x_1), dn = -grad u_n - |grad u_n|^2 / 2 n. Without it faces that
+    slide would buckle under the compression of the bodies."""
     facets, m = contact.facets, len(contact.pressure)
     P = diags_array(np.tile(contact.smooth_pressure * facets.area, 2))
     A = csr_matrix(facets.S.T @ P @ facets.C[m:])
-    return csr_matrix(A + A.T)
+    apart = P @ diags_array(np.tile(facets.gap, 2))
+    return csr_matrix(A + A.T + facets.S.T @ apart @ facets.S)
 
 
 def together(pairs: Sequence[FacingFacets]) -> FacingFacets:
-    """The facets of all pairs; axes are those of the first."""
+    """The facets of all pairs."""
     C = vstack([pair.direction(i) for i in range(3) for pair in pairs]).tocsr()
     points, area, whole, gap = (np.concatenate([pair[i] for pair in pairs]) for i in range(4))
     S = vstack([p.S[i * len(p.area) : (i + 1) * len(p.area)] for i in range(2) for p in pairs])
-    return FacingFacets(points, area, whole, gap, C, S.tocsr(), pairs[0].axes)
+    axes = np.concatenate([pair.axes for pair in pairs])
+    return FacingFacets(points, area, whole, gap, C, S.tocsr(), axes)

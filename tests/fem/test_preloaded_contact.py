@@ -133,9 +133,8 @@ def test_a_gap_of_a_sphere_gives_hertz_pressure_and_zone():
 
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_pressed_bar_slips_from_its_pulled_end_as_far_as_friction_asks(share):
-    """A bar that an even pressure holds on a rigid base by friction f per length, pulled by F < f L:
-    it slips over F / f. Facets are a 60th of the bar; it is a
-    100th high."""
+    """A bar that an even pressure holds on a rigid base by friction f per length, pulled by
+    F < f L: it slips over F / f. Facets are a 60th of the bar; it is a 100th high."""
     L, w, h, mu, p, n = 0.1, 2e-3, 1e-3, 0.3, 1e6, 60
     material = Material(E, 0.0, 7850.0)
     x, y = np.linspace(0, L, n + 1), np.linspace(0, w, 3)
@@ -168,7 +167,8 @@ def test_a_pressed_bar_slips_from_its_pulled_end_as_far_as_friction_asks(share):
     assert facets.area[sliding].sum() == pytest.approx(share * L * w, abs=1.5 * L * w / n)
     np.testing.assert_allclose(shear[sliding], mu * P[sliding], rtol=1e-6)
     assert np.all(shear[~sliding] <= mu * P[~sliding] * (1 + 1e-9))
-    assert shear.sum() == pytest.approx(pull, rel=1e-3)  # some of it across the bar
+    # a 1e-8 of the layers is left where they slide
+    assert shear.sum() == pytest.approx(pull, rel=2e-3)
 
 
 def pressing(tension, friction, rough=0.0):

@@ -3,8 +3,10 @@
 import json
 from contextlib import nullcontext
 
+import meshio
 import numpy as np
 import pytest
+from skfem.io.meshio import HEX_MAPPING
 
 from beadwave import InvalidScene, modes, sweep
 from beadwave.fem.modes.mac import BodyForms, BodyMotion
@@ -262,6 +264,35 @@ def test_a_free_stack_keeps_six_rigid_motions_and_presses_each_pair_of_faces():
     assert table.contact[0].force_N == pytest.approx(2 * 12e3, rel=1e-6)
     for row in table.rows[6:12]:
         assert row.frictionless_hz < row.frequency_hz < row.tied_hz
+
+
+@pytest.mark.slow
+def test_a_user_mesh_whose_faces_do_not_match_has_the_modes_of_the_drawn_plates(tmp_path):
+    """Hexahedra of two sizes from a mesh file, in contact or 20 um apart, which the bolt closes."""
+    drawn = plates({"model": "contact"})
+    points, cells, n = [], [], 0
+    for name, scale in (("left", 2.0), ("right", 1.2)):
+        scene = resolved(drawn | {"mesh": {"scale": scale}}, "plates.toml")
+        mesh = assembly.mesh(scene).meshes[name]
+        points.append(mesh.p.T)
+        cells.append(("hexahedron", n + mesh.t.T[:, HEX_MAPPING[:8]]))
+        n += len(mesh.p.T)
+    assert len(points[1]) > 1.2 * len(points[0])
+    elements, none = [np.arange(len(cell)) for _, cell in cells], np.arange(0)
+    sets = {"left": [elements[0], none], "right": [none, elements[1]]}
+    exact = [row.frequency_hz for row in modes(drawn).table.rows[6:10]]
+    for lift in (0.0, 2e-5):
+        file = tmp_path / f"plates-{lift}.inp"
+        at = np.vstack([points[0], points[1] + [0, 0, lift]])
+        meshio.Mesh(at, cells, cell_sets=sets).write(file)
+        tables = {key: drawn[key] for key in ("name", "joints")} | {
+            "assembly": drawn["assembly"] | {"mesh": str(file), "gap": 1e-4}
+        }
+        table = modes(tables).table
+        assert table.contact[0].force_N == pytest.approx(12e3, rel=1e-6)
+        hz = [row.frequency_hz for row in table.rows[:10]]
+        assert max(hz[:6]) < 1e-3 * hz[6]
+        np.testing.assert_allclose(hz[6:], exact, rtol=0.03)
 
 
 def test_a_body_that_lies_loose_on_others_is_refused():

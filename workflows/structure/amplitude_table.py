@@ -143,7 +143,7 @@ def slip_picture(contact: PreloadedContact, backbones: Mapping[int, ModalBackbon
     n_columns = min(3, max(len(slipping), 1))
     n_rows = -(-max(len(slipping), 1) // n_columns)
     figure, axes = plots.subplots(n_rows, n_columns, (4.2 * n_columns, 3.6 * n_rows))
-    first, second = np.sort(np.argsort(np.abs(facets.axes[0]))[:2])
+    first, second = facets.spanned
     at = 1e3 * facets.points[:, [first, second]]
     size = 2e3 * np.sqrt(facets.area / np.pi)
     for axis in axes[len(slipping) :]:

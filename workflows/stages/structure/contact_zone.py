@@ -119,7 +119,7 @@ def contact_picture(contact: PreloadedContact) -> Picture:
     """Pressure and state of the facets, as discs of their area, along the two global axes that span
     the faces best."""
     figure, axes = plots.subplots(1, 2, (10, 4.4))
-    first, second = np.sort(np.argsort(np.abs(contact.facets.axes[0]))[:2])
+    first, second = contact.facets.spanned
     at = 1e3 * contact.facets.points[:, [first, second]]
     size, on = 2e3 * np.sqrt(contact.facets.area / np.pi), contact.state != OPEN
 
