@@ -29,6 +29,7 @@ from beadwave.workflows.stages.structure.bodies import Placed
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 
 TIME_LIMIT = 120  # s, of the child; not varied
+REASON = 200  # characters that are shown of what the child says last
 
 
 def pictures(
@@ -228,8 +229,11 @@ def rendered(
                 f"{drawn} were not rendered within {TIME_LIMIT} s; the rest is complete."
             ) from None
         if process.returncode != 0:
+            said = process.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+            reason = f" It says {said[:REASON]!r}." if said else ""
             raise NoPicture(
                 f"{drawn} could not be rendered, the rest is complete; install an "
                 "off-screen GL library (Debian: apt-get install libgl1 libosmesa6) and run again."
+                f"{reason}"
             )
         return tuple(Picture(image.stem, image.read_bytes()) for image in images)
