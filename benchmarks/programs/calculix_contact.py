@@ -85,8 +85,9 @@ def pressed(
         row = line.split()
         if len(row) >= 5 and row[0].isdigit():
             points.setdefault((int(row[0]), int(row[1])), []).append(float(row[-3]))
-    rows = [line.split() for line in after.splitlines()]
-    hz = [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
+    # with friction the matrices are not symmetric, and no column has the eigenvalue
+    rows = [line.split() for line in after.partition("E I G E N V A L U E")[0].splitlines()]
+    hz = [float(row[-2]) for row in rows if len(row) in (4, 5) and row[0].isdigit()]
     return Pressed([points.get(side, []) for side in sides], np.array(hz[:n_modes]), seconds)
 
 

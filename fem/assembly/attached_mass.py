@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.sparse import csr_matrix
 
-from beadwave.fem.assembly.elasticity import AttachedMass, Structure
+from beadwave.fem.assembly.elasticity import AttachedMass, FastenerMass, Structure
 from beadwave.fem.assembly.joints import distributing
 from beadwave.fem.assembly.trace import OffFace, face_quadrature, trace
 from beadwave.fem.contact.contact_patch import disc_quadrature
@@ -82,8 +82,9 @@ def with_mass_on_face(
     points, weights = face_quadrature(structure, face)
     C = csr_matrix(distributing(points, weights, centre)) @ trace(structure, face, points)
     C = csr_matrix(block_diag(axes, axes)) @ C
-    M = structure.M + _inertia(csr_matrix(C), [mass] * 3 + list(inertia))
-    return structure._replace(M=csr_matrix(M))
+    fastener = FastenerMass(csr_matrix(C), (*[mass] * 3, *inertia))
+    M = structure.M + _inertia(*fastener)
+    return structure._replace(M=csr_matrix(M), fasteners=(*structure.fasteners, fastener))
 
 
 def _inertia(C: csr_matrix, inertia: Sequence[float]) -> csr_matrix:

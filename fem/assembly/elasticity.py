@@ -65,6 +65,13 @@ class JoinedPart(NamedTuple):
     dents: tuple[Dent, ...] = ()  # (m,) under the points
 
 
+class FastenerMass(NamedTuple):
+    """A rigid body that moves with the mean of a face."""
+
+    C: csr_matrix  # (6, ndof) its shifts and turns
+    inertia: tuple[float, ...]  # (6,) [kg, kg m^2]
+
+
 class Structure(NamedTuple):
     """All bodies, unjoined and free: x, y, z of node after node, body after body."""
 
@@ -74,6 +81,7 @@ class Structure(NamedTuple):
     K: csr_matrix  # (ndof, ndof) [N/m]
     M: csr_matrix  # (ndof, ndof) [kg], with the masses that faces carry
     carried: tuple[AttachedMass, ...] = ()  # these masses, each alone
+    fasteners: tuple[FastenerMass, ...] = ()  # heads and nuts of bolts in M
     springs: tuple[PointSprings, ...] = ()  # between points; no part of K
     measured: tuple[JoinedPart, ...] = ()  # parts known by receptances; no part of K and M
 

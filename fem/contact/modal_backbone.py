@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix
 
 from beadwave.fem.assembly.model import Model
 from beadwave.fem.contact.coulomb_friction import (
@@ -145,11 +145,10 @@ def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
     contact: PreloadedContact = model.contact
     area, m = contact.facets.area, len(contact.pressure)
     stuck = np.flatnonzero((contact.state != OPEN) & (contact.friction > 0))
-    C = csr_matrix(contact.facets.C @ model.T)
-    C = csr_matrix(vstack([C[:m], C[m + stuck], C[2 * m + stuck]]))
 
     # the geometric stiffness is left out of W, as it changes frequencies by parts in a thousand
     rows = np.concatenate([np.arange(m), m + stuck, 2 * m + stuck])
+    C = contact.C[rows]
     W = contact.interface.openings(contact.layers, contact.interface.W[:, rows])[rows]
     k = area / (1 / contact.hard + contact.rough)
     interface = FrictionInterface(

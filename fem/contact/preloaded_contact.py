@@ -86,6 +86,7 @@ class PreloadedContact(NamedTuple):
     friction: NDArray[np.float64]  # (m,)
     shear: NDArray[np.float64]  # (2, m) [N] of friction, against their opening
     interface: Interface
+    C: csr_matrix  # (3 m + b, n) openings of the free dofs, and elongations of bolts
     locked: NDArray[np.float64]  # (b,) [N/m] of bolts about the state
     n_steps: int
 
@@ -240,14 +241,15 @@ def preloaded_contact(
         friction=zero,
         shear=np.zeros((2, m)),
         interface=contact.interface,
+        C=contact.C,
         locked=np.zeros(len(layers) - 3 * m),
         n_steps=step,
     )
 
 
-def joined_stiffness(C: csr_matrix, contact: PreloadedContact) -> csr_matrix:
-    """Stiffness (n, n) that closed facets add to K; C (3 m, n) are openings of the free dofs."""
-    return csr_matrix(C.T @ diags_array(contact.layers[: C.shape[0]]) @ C)
+def joined_stiffness(contact: PreloadedContact) -> csr_matrix:
+    """Stiffness (n, n) that closed facets and locked bolts add to K."""
+    return csr_matrix(contact.C.T @ diags_array(contact.layers) @ contact.C)
 
 
 def with_friction(

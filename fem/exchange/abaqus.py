@@ -6,6 +6,11 @@ own (shifts of one, turns of the other, each as displacements 1 to 3), which spr
 ground, one per direction, with a dashpot to a node next to it where the joint has one; the motion
 of its second side is that of two more nodes. A table is one more node, with a spring and a mass.
 
+Of faces in contact each facet has a node whose displacements 1 to 3 are its openings, on springs to
+the ground; so has each bolt. Geometric stiffnesses of the preload are not written: they change
+frequencies by parts in a thousand. The head of a bolt is two nodes with masses: its shifts, and its
+turns in parts of which all have one moment of inertia.
+
 The contact is the node CONTACT: its displacement 1 is w^T u, so that a unit force on it loads the
 patch as the chain does. A static step does so, and its answer is the compliance w^T K^-1 w.
 """
@@ -15,7 +20,8 @@ from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.linalg import qr
+from scipy.sparse import csc_array, csr_matrix, diags_array
 from skfem import MeshHex
 
 from beadwave.fem.assembly.materials import Material, Orthotropic
@@ -108,6 +114,40 @@ def input_deck(
         deck.equation(_terms([3 * (contact - 1), *model.free[read]], [-1.0, *w[read]]))
         deck.boundary([(contact, 2, 3)])
 
+    # nodes that follow: openings of facets and elongations of bolts on springs, heads with masses
+    node, element = contact + len(coefficients) + 1, last + len(coefficients)
+    if model.contact is not None:
+        m, k = len(model.contact.pressure), model.contact.layers
+        of_facets = np.arange(3 * m).reshape(3, m).T
+        for rows in [*of_facets, *np.arange(3 * m, len(k))[:, None]]:
+            _follower(deck, node, model.contact.C[rows], model.free)
+            for direction, stiffness in enumerate(k[rows], start=1):
+                if stiffness > 0:
+                    element += 1
+                    deck.spring(f"FACE{element}", [node], direction, stiffness, element)
+            node += 1
+    for fastener in structure.fasteners:
+        shifts, turns = fastener.inertia[0], max(fastener.inertia[3:])
+        deck.nodes([node, node + 1], np.zeros((2, 3)))
+        for mass in (shifts, turns):
+            element += 1
+            deck.mass(f"HEAD{element}", node, mass, element)
+            node += 1
+        heads = 3 * (node - 3) + np.arange(6)
+        scaled = np.sqrt(np.array(fastener.inertia) / np.repeat([shifts, turns], 3))
+
+        # masses stand on dofs that follow nothing: u_p = C_p^-1 (q - C_rest u_rest)
+        C = csr_matrix(diags_array(scaled) @ fastener.C @ T)
+        used = np.unique(C.indices)
+        of_face = C[:, used].toarray()
+        pivots = qr(of_face, mode="economic", pivoting=True)[2][:6]
+        rest = np.setdiff1d(np.arange(len(used)), pivots)
+        own = np.linalg.inv(of_face[:, pivots])
+        masters = [*heads, *model.free[used[rest]]]
+        factors = own @ np.hstack([np.eye(6), -of_face[:, rest]])
+        for dof, row in zip(model.free[used[pivots]], factors, strict=True):
+            deck.equation(_terms([dof, *masters], [-1.0, *row]))
+
     label = labels(materials)
     for body, material in materials.items():
         deck.material(label[body], material)
@@ -115,6 +155,17 @@ def input_deck(
     if w is not None and (model.sway is not None or len(fixed)):
         deck.step("*STATIC", "*CLOAD", f"{contact}, 1, 1.0", *PRINT_CONTACT)
     return deck.text()
+
+
+def _follower(deck: Deck, node: int, C: csr_matrix, free: NDArray[np.int64]) -> None:
+    """A node whose first displacements are rows C (1 to 3, n) of the free dofs; the others rest."""
+    deck.nodes([node], [(0, 0, 0)])
+    for i in range(C.shape[0]):
+        at = slice(C.indptr[i], C.indptr[i + 1])
+        masters = free[C.indices[at]]
+        deck.equation(_terms([3 * (node - 1) + i, *masters], [-1.0, *C.data[at]]))
+    if C.shape[0] < 3:
+        deck.boundary([(node, C.shape[0] + 1, 3)])
 
 
 def _terms(dofs: Sequence[int], factors: Sequence[float]) -> list[Term]:

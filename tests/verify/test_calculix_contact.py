@@ -3,7 +3,6 @@ the modes about that state."""
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 from skfem import MeshHex
 
@@ -11,13 +10,18 @@ from beadwave.fem import Connections, HeldFace, Material, assemble, joined, mode
 from beadwave.fem.assembly.trace import face_mean
 from beadwave.fem.contact.facing_facets import facing_facets
 from beadwave.fem.contact.preloaded_contact import (
+    MINDLIN,
     condensed,
     joined_stiffness,
     preloaded_contact,
+    with_friction,
 )
+from beadwave.fem.exchange.abaqus import input_deck
+from beadwave.workflows.scene.toml import resolved
+from beadwave.workflows.stages.structure import assembly
 
 from peer_programs import require_program
-from programs.calculix import PACKAGE, PROGRAM
+from programs.calculix import PACKAGE, PROGRAM, answer
 from programs.calculix_contact import Layer, pressed
 
 pytestmark = pytest.mark.peer
@@ -52,9 +56,9 @@ def plate(radii, n_around, z):
     )  # fmt: skip
 
 
-def test_zone_pressure_and_modes_of_two_pressed_plates(compare):
-    """Meshes that do not match; CalculiX integrates the pressure over the facets of the slave face,
-    here it is constant on each. The radius at which the faces part is that of the closed area."""
+def pressed_plates():
+    """Two plates whose meshes do not match, with their faces condensed, and the forces (nodes, 3)
+    [N] that press them."""
     fine = np.concatenate([np.linspace(HOLE, WASHER, 4), np.linspace(WASHER, 16e-3, 13)[1:]])
     radii = np.concatenate([fine, np.linspace(16e-3, RIM, 6)[1:]])
     coarse = np.concatenate([np.linspace(HOLE, WASHER, 3), np.linspace(WASHER, RIM, 17)[1:]])
@@ -70,16 +74,24 @@ def test_zone_pressure_and_modes_of_two_pressed_plates(compare):
     contact = condensed(model.K, model.M, model.T, facets, np.full(len(facets.area), LAYER))
     above, F = face_mean(structure, "b:above"), np.zeros((len(structure.points), 3))
     F[above.node, 2] = -FORCE * above.share
+    return model, contact, F
+
+
+def test_zone_pressure_and_modes_of_two_pressed_plates(compare):
+    """CalculiX integrates the pressure over the facets of the slave face, here it is constant on
+    each. The radius at which the faces part is that of the closed area."""
+    model, contact, F = pressed_plates()
+    facets, meshes = contact.facets, dict.fromkeys("ab", STEEL)
     state = preloaded_contact(contact, model.T.T @ F.ravel())
     assert state.force == pytest.approx(FORCE, rel=1e-6)
 
     # the same in CalculiX
     faces = ("b:bottom", "a:top")
-    theirs = pressed(model, dict.fromkeys(meshes, STEEL), faces, F, Layer(LAYER), n_modes=N_MODES)
+    theirs = pressed(model, meshes, faces, F, Layer(LAYER), n_modes=N_MODES)
     points = theirs.pressure
 
     # modes about the state, closed facets joined along the normal alone
-    K = model.K + joined_stiffness(csr_matrix(facets.C @ model.T), state)
+    K = model.K + joined_stiffness(state)
     ours = modes(K.tocsc(), model.M, N_MODES).frequency_hz
     compare(
         "modes of pressed plates without friction, over CalculiX's", ours / theirs.frequency_hz,
@@ -107,4 +119,51 @@ def test_zone_pressure_and_modes_of_two_pressed_plates(compare):
     compare(
         "pressure between pressed plates", state.pressure[within], pressure,
         allowed=0.03, source=SOURCE,
+    )  # fmt: skip
+
+
+def test_modes_of_pressed_plates_that_stick(compare):
+    """Friction holds all of the zone, and its layer along the faces is that here."""
+    model, contact, F = pressed_plates()
+    force = model.T.T @ F.ravel()
+    friction = np.full(len(contact.facets.area), 0.6)
+    state = with_friction(contact, preloaded_contact(contact, force), force, friction)
+    K = model.K + joined_stiffness(state)
+    ours = modes(K.tocsc(), model.M, N_MODES).frequency_hz
+    faces, layer = ("b:bottom", "a:top"), Layer(LAYER, MINDLIN * LAYER, 0.6)
+    theirs = pressed(model, dict.fromkeys("ab", STEEL), faces, F, layer, n_modes=N_MODES)
+    compare(
+        "modes of pressed plates that stick, over CalculiX's", ours / theirs.frequency_hz,
+        np.ones(N_MODES), allowed=0.05, source=SOURCE,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("joint", [{"model": "contact", "friction": 0.15}, {}])
+def test_the_deck_of_bolted_plates_has_their_modes(joint, compare):
+    """Faces in contact and springs by formula, with the masses of bolts; without the geometric
+    stiffness of the preload, which is 3e-4 of K here. CalculiX prints seven digits."""
+    plate = {"outline": [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04]], "thickness": 0.01}
+    hole = {"diameter": 0.009, "at": [[0.02, 0.02]]}
+    bolt = {"name": "lap", "between": "left|right", "bolt": "M8-8.8", "preload": 12e3}
+    scene = resolved(
+        {
+            "name": "plates",
+            "assembly": {"held": ["left:-x"], "material": "steel", "touching": "free"},
+            "mesh": {"scale": 2.0},
+            "bodies": {
+                "left": {"plate": plate, "holes": hole},
+                "right": {"plate": plate, "holes": hole, "at": [0.0, 0.0, 0.01]},
+            },
+            "joints": [bolt | joint],
+        },
+        "plates.toml",
+    )
+    mesh = assembly.mesh(scene)
+    model = assembly.model(scene, mesh)
+    ours = modes(model.K, model.M, N_MODES).frequency_hz
+    theirs = answer(input_deck(model, mesh.materials, n_modes=N_MODES)).frequency_hz
+    name = "modes of bolted plates by their deck, " + ("in contact" if joint else "on springs")
+    compare(
+        name, ours / theirs, np.ones(N_MODES), allowed=3e-4 if joint else 1e-6,
+        source="CalculiX on the deck that `modes --inp` writes",
     )  # fmt: skip

@@ -6,9 +6,11 @@ from contextlib import nullcontext
 import meshio
 import numpy as np
 import pytest
+from scipy.io import loadmat
+from scipy.sparse.linalg import eigsh
 from skfem.io.meshio import HEX_MAPPING
 
-from beadwave import InvalidScene, modes, sweep
+from beadwave import InvalidScene, modes, reduce, sweep
 from beadwave.fem.modes.mac import BodyForms, BodyMotion
 from beadwave.fem.updating.tuning import TuningBasis, TuningParameter, tune
 from beadwave.workflows.scene.toml import resolved, toml
@@ -293,6 +295,19 @@ def test_a_user_mesh_whose_faces_do_not_match_has_the_modes_of_the_drawn_plates(
         hz = [row.frequency_hz for row in table.rows[:10]]
         assert max(hz[:6]) < 1e-3 * hz[6]
         np.testing.assert_allclose(hz[6:], exact, rtol=0.03)
+
+
+@pytest.mark.slow
+def test_the_model_about_the_pressed_state_is_a_stiffness_and_a_mass_like_any_other(tmp_path):
+    """Full matrices of `reduce`, whose modes are those of `modes`."""
+    tables = plates({"model": "contact"}, strike={"on": "right:+z", "at": [0.01, 0.01]})
+    tables["assembly"]["held"] = ["left:-x"]
+    reduce(tables, out=tmp_path / "rom.npz", matrices=tmp_path / "full.mat")
+    full = loadmat(tmp_path / "full.mat")
+    K, M = full["K"].tocsc(), full["M"].tocsc()
+    omega2 = eigsh(K, 4, M, sigma=0.0, return_eigenvectors=False)
+    hz = [row.frequency_hz for row in modes(tables).table.rows[:4]]
+    np.testing.assert_allclose(np.sqrt(np.sort(omega2)) / (2 * np.pi), hz, rtol=1e-6)
 
 
 def test_a_body_that_lies_loose_on_others_is_refused():

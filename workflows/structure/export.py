@@ -26,11 +26,6 @@ def write_model(pipeline: Pipeline, inp: OutputFile | None, step: OutputFile | N
                 f"{scene.name}: [[{table}]] are not written to --inp; drop them, or take the "
                 "matrices of beadwave reduce --matrices."
             )
-    if inp and any(joint.bolt for joint in scene.bushings.values()):
-        raise InvalidScene(
-            f"{scene.name}: the masses of bolts are not written to --inp; give the springs in "
-            "place of joints.NAME.bolt, or take the matrices of beadwave reduce --matrices."
-        )
     if inp:
         model = pipeline("model")
         struck = scene.bending is not None or scene.strike is not None

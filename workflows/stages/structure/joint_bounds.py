@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from beadwave import fem
 from beadwave.fem.contact.joint_bounds import JointBounds, spread_hz
@@ -34,8 +33,8 @@ def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyMod
 
     def modes_in(**other: NDArray) -> fem.Modes:
         """The modes with other states or frictions of the facets in contact."""
-        C, contact = csr_matrix(model.contact.facets.C @ model.T), model.contact
-        changed = joined_stiffness(C, contact._replace(**other)) - joined_stiffness(C, contact)
+        contact = model.contact
+        changed = joined_stiffness(contact._replace(**other)) - joined_stiffness(contact)
         other = model._replace(K0=(model.K0 + changed).tocsc())
         return fem.modes(other.K, other.M, n)
 
