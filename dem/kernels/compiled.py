@@ -48,14 +48,18 @@ class CompiledFunction:
         """The type of the function where a compiled one calls it."""
         return self.within._numba_type_
 
-    def __call__(self, *arguments):
-        """The function of the arguments."""
-        if self._inner:
-            return self.py_func(*arguments)
+    def prepare(self, *arguments) -> None:
+        """Compile for arguments like these, or load the code."""
         kinds = tuple(map(kind, arguments))
         if kinds not in self._prepared:
             self._entry.prepare(arguments)
             self._prepared.add(kinds)
+
+    def __call__(self, *arguments):
+        """The function of the arguments."""
+        if self._inner:
+            return self.py_func(*arguments)
+        self.prepare(*arguments)
         return self._entry.dispatcher(*arguments)
 
 

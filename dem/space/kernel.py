@@ -49,6 +49,7 @@ from beadwave.dem.kernels.compiled import (
     ieee_inline,
     ieee_march,
 )
+from beadwave.dem.kernels.crew import STOPPED, Crew, meet, share
 from beadwave.dem.kernels.laws import (
     contact_stiffness,
     damper_coefficient,
@@ -192,16 +193,17 @@ class SpaceSaved(NamedTuple):
 @ieee_march
 def march(
     motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, fractions: tuple[Array, Array],
-    steps: Steps, saved: SpaceSaved,
+    steps: Steps, saved: SpaceSaved, crew: Crew,
 ) -> int:  # fmt: skip
     """n_save times stride steps of kick b[0], drift a[0], ..., kick b[-1], with the `fractions` a
     and b of the step; the state is saved before and after each stride.
 
     Changes motion, modes and plastic contacts in place. Ends early, and says after how many saves,
-    when a state is not finite.
+    when a state is not finite. Each thread of a crew has its contacts and spheres, the first one
+    all else; dampers take one thread.
     """
     (a, b), (dt, n_save, stride) = fractions, steps
-    n = arrays.mass.size
+    low, high = share(arrays.mass.size, crew)
     stale = n_save >= 0  # a literal True would compile what takes it once more
     drifted = 0.0
     now = 0.0  # [s] of the positions
@@ -211,49 +213,59 @@ def march(
                 kick, drift = b[i] * dt, a[i] * dt if i < a.size else 0.0
                 if kick != 0.0:
                     if stale:
-                        press(drifted, motion, arrays, parts)
+                        press(drifted, motion, arrays, parts, crew)
                         drifted = 0.0
-                    push(kick, motion, arrays, parts, parts.damping)
-                    push_spins(0, n, kick, motion, arrays, parts.friction, parts.guides)
-                    work_of_drive(kick, motion, arrays, parts.drive)
+                    push(kick, motion, arrays, parts, parts.damping, crew)
+                    push_spins(low, high, kick, motion, arrays, parts.friction, parts.guides)
+                    if crew.worker == 0:
+                        work_of_drive(kick, motion, arrays, parts.drive)
                     stale = False
                 if drift != 0.0:
-                    drift_spheres(0, n, drift, motion)
-                    drift_structure(i, motion, parts.modes)
+                    drift_spheres(low, high, drift, motion)
+                    if crew.worker == 0:
+                        drift_structure(i, motion, parts.modes)
                     drifted += drift
                     now += drift
-                    place_driven(now, motion, parts.drive)
+                    drive_on(now, motion, parts.drive, crew)
                     stale = True
         if stale:  # forces, and friction's state, belong to these positions
-            press(drifted, motion, arrays, parts)
+            press(drifted, motion, arrays, parts, crew)
             drifted = 0.0
             stale = False
-        if not save(k, motion, arrays, parts, saved):
+        meet(crew)
+        if crew.worker == 0 and not save(k, motion, arrays, parts, saved):
+            crew.gate[STOPPED] = 1
+        meet(crew)
+        if crew.gate[STOPPED]:
             return k
     return n_save
 
 
 @ieee_inline
-def press(drifted: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts) -> None:
+def press(
+    drifted: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, crew: Crew
+) -> None:
     """Forces of all contacts after a drift [s]."""
-    contact_forces(
-        0, arrays.A.size, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction
-    )
-    for k in range(motion.point.shape[0]):
+    low, high = share(arrays.A.size, crew)
+    meet(crew)  # all spheres are there
+    contact_forces(low, high, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction)
+    meet(crew)  # all forces are
+    for k in range(motion.point.shape[0] if crew.worker == 0 else 0):
         for axis in range(3):
             motion.pressed_point[k, axis] = motion.point[k, axis]
 
 
 @ieee_inline
 def push(
-    kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, damping: Damping | None
-) -> None:
+    kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, damping: Damping | None,
+    crew: Crew,
+) -> None:  # fmt: skip
     """Impulse over `kick` [s] on spheres and wall, with the dampers where there are any."""
     if damping is None:
-        push_spheres(
-            0, arrays.mass.size, kick, motion, arrays, parts.guides, parts.load, parts.leaf
-        )
-        push_structure(kick, motion, arrays, parts.modes)
+        low, high = share(arrays.mass.size, crew)
+        push_spheres(low, high, kick, motion, arrays, parts.guides, parts.load, parts.leaf)
+        if crew.worker == 0:
+            push_structure(kick, motion, arrays, parts.modes)
     else:
         push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.leaf, parts.modes)
 
@@ -299,7 +311,9 @@ def contact_forces(
     """Forces of the contacts from `low` to `high` after a drift [s] with the velocities there are;
     those that are pressed deeper than ever yield."""
     force, u, point, A = motion.force, motion.u, motion.point, arrays.A
-    for c in range(low, high):
+    for c in range(high):
+        if c < low:
+            continue
         rise, y0, y1, y2, r = stretch(c, u, point, arrays)
         d = arrays.overlap[c] - rise
         if d <= 0.0:
@@ -501,7 +515,9 @@ def push_spheres(
     """Impulse of contacts, load and leaf springs over `kick` [s] on the spheres from `low` to
     `high`, each summed in the order of its contacts."""
     v, force = motion.v, motion.force
-    for i in range(low, high):
+    for i in range(high):
+        if i < low:
+            continue
         f0, f1, f2 = 0.0, 0.0, 0.0
         if load is not None:
             f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
@@ -530,7 +546,9 @@ def push_spins(
     """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`; none
     without friction."""
     spin, moment = motion.spin, motion.moment
-    for i in range(low, high if friction is not None else low):
+    for i in range(high if friction is not None else 0):
+        if i < low:
+            continue
         m0, m1, m2 = 0.0, 0.0, 0.0
         for at in range(arrays.start[i], arrays.start[i + 1]):
             c, side = arrays.incident[at], 0
@@ -640,7 +658,9 @@ def drift_structure(k: int, motion: SpaceMotion, modes: StructureModes | None) -
 def drift_spheres(low: int, high: int, drift: float, motion: SpaceMotion) -> None:
     """Free flight of the spheres from `low` to `high` over `drift` [s]."""
     u, v = motion.u, motion.v
-    for i in range(low, high):
+    for i in range(high):
+        if i < low:
+            continue
         u[i, 0] += drift * v[i, 0]
         u[i, 1] += drift * v[i, 1]
         u[i, 2] += drift * v[i, 2]
@@ -668,6 +688,15 @@ def place_driven(now: float, motion: SpaceMotion, drive: Drive | None) -> None:
             motion.u[i, axis] = value * drive.direction[axis]
             motion.v[i, axis] = rate * drive.direction[axis]
             motion.spin[i, axis] = 0.0
+
+
+@ieee_inline
+def drive_on(now: float, motion: SpaceMotion, drive: Drive | None, crew: Crew) -> None:
+    """`place_driven`, once all spheres have drifted."""
+    if drive is not None:
+        meet(crew)
+        if crew.worker == 0:
+            place_driven(now, motion, drive)
 
 
 @ieee

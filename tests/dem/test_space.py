@@ -1,15 +1,19 @@
 """The march in space beside the chain, closed forms of packings, and DOP853."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from beadwave import dem
 from beadwave.dem import space
+from beadwave.dem.kernels.crew import Crew, meet, share
 from beadwave.dem.space import linear
 from beadwave.dem.space.waves import arrivals, front_speed
 
 from packing_reference import random_network, reference
 
+space_march = sys.modules[space.march.__module__]  # the package has the function by that name
 R, RHO, E, NU = 6e-3, 7800.0, 210e9, 0.3
 D = 2 * R
 SLOW = 1e-4  # m/s: overlaps are 1e-7 of a radius, so that closed forms hold to 1e-6
@@ -340,3 +344,57 @@ def test_a_pressed_packing_with_holes_rests_and_swings_by_its_modes():
     at = np.abs(v0[:, 1]).argmax()
     cosine = v0[at, 1] * np.cos(2 * np.pi * f * swing.t)
     np.testing.assert_allclose(swing.velocity[:, at, 1], cosine, atol=2e-3 * small)
+
+
+@pytest.mark.parametrize("case", ["smooth", "rubbing", "yielding", "driven", "structure"])
+@pytest.mark.parametrize("workers", [2, 3])
+def test_threads_leave_the_bits_of_one(case, workers, monkeypatch):
+    lattice = space.lattice("hexagonal", (7, 6))
+    last = np.flatnonzero(lattice.place[:, 1] == 5)
+    point = np.arange(last.size) if case == "structure" else None
+    wall = space.Plane(last, np.array([0.0, 1.0, 0.0]), np.full(last.size, 1e-7), E, NU, point)
+    packing = packing_of(lattice, planes=[wall])
+    v0 = struck(packing, lattice.place[:, 1] == 0, 1, 0.3)
+    behind = None
+    if case == "rubbing":
+        packing = packing._replace(friction=np.full(len(packing.A), 0.3))
+        v0 += np.random.default_rng(0).normal(scale=0.05, size=v0.shape)
+    elif case == "yielding":
+        packing = packing._replace(yield_overlap=np.full(len(packing.A), 1e-7))
+    elif case == "driven":
+        t = np.linspace(0.0, 2e-4, 20)
+        shaken = space.drive([0, 1], [0.0, 1.0, 0.0], t, 1e-6 * np.sin(3e4 * t), "displacement")
+        packing = packing._replace(driven=shaken)
+    elif case == "structure":
+        r, rng = last.size, np.random.default_rng(1)
+        behind = space.Structure(
+            np.array([2e4, 5e4, 9e4]), np.full(3, 0.01), rng.normal(size=(r, 3)), np.arange(r),
+            np.tile([0.0, 1.0, 0.0], (r, 1)), np.full((r, 2), 1e-10),
+        )  # fmt: skip
+    runs = []
+    for n in (1, workers):
+        monkeypatch.setattr(space_march, "n_workers", lambda packing, n=n: n)
+        runs.append(space.march(packing, behind, v0, duration=1e-4, dt=2e-7, n_save=20))
+    assert np.abs(runs[0].velocity[-1] - v0).max() > 0.01
+    for name, one, other in zip(runs[0]._fields, *runs, strict=True):
+        if isinstance(one, np.ndarray):
+            assert np.array_equal(one, other), name
+
+
+def test_threads_share_all_and_do_not_wait_alone():
+    gate = np.zeros(3, np.int64)
+    parts = [share(10, Crew(worker, 3, gate)) for worker in range(3)]
+    assert [low for low, _ in parts[1:]] == [high for _, high in parts[:-1]]
+    assert (parts[0][0], parts[-1][1]) == (0, 10)
+    meet(Crew(0, 1, gate))
+    assert not gate.any()
+
+
+def test_small_packings_dampers_and_child_processes_take_one_thread(monkeypatch):
+    monkeypatch.setattr(space_march.os, "cpu_count", lambda: 4)
+    small = packing_of(space.lattice("hexagonal", (7, 6)))
+    large = packing_of(space.lattice("hexagonal", (40, 40)))
+    damped = large._replace(dissipation="linear", gamma=np.ones(len(large.A)))
+    assert [*map(space_march.n_workers, (small, large, damped))] == [1, 2, 1]
+    monkeypatch.setattr(space_march.multiprocessing, "parent_process", lambda: object())
+    assert space_march.n_workers(large) == 1
