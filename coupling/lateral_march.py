@@ -84,11 +84,11 @@ def march_lateral(
     """The last sphere across the chain, at the instants of the trajectory along it from velocities
     v0 (n,) [m/s].
 
-    `error` is relative to the largest speed at the start, across or along; without it
-    `search.march.dt` is the step [s] of the coarser of two marches, which state the error of the
-    finer. Where the wall has a `motion`, all is periodic before the striker. Raises InvalidChain
-    for a chain whose contact has no tangential law, UnstableStep where the error takes too many
-    steps, or no state is periodic.
+    `error` is relative to the largest speed at the start, across or along, and the ledger of the
+    motion across closes to it; without it `search.march.dt` is the step [s] of the coarser of two
+    marches, which state the error of the finer. Where the wall has a `motion`, all is periodic
+    before the striker. Raises InvalidChain for a chain whose contact has no tangential law,
+    UnstableStep where the error takes too many steps, or no state is periodic.
     """
     v0, velocity = np.asarray(v0, float), np.asarray(last.velocity, float)
     simple = wall is not None and wall.omega.size < 2 and wall.mobility == 0.0
@@ -118,11 +118,15 @@ def march_lateral(
         share = None if error is None else max(error - before.error_estimate, 0.5 * error)
     start.motion.v[:] += v0
     start.motion.u_v[:] += body.frame @ velocity
-    run = march_to_error(
-        body, start, duration=float(trajectory.t[-1]), error=share, n_save=trajectory.t.size - 1,
-        speed=speed or None, measure=across_alone,
-    )  # fmt: skip
-    return across_of(run, before, 0.5 * float(np.sum(chain.mass * np.square(v0))))
+    while True:
+        run = march_to_error(
+            body, start, duration=float(trajectory.t[-1]), error=share,
+            n_save=trajectory.t.size - 1, speed=speed or None, measure=across_alone,
+        )  # fmt: skip
+        across = across_of(run, before, 0.5 * float(np.sum(chain.mass * np.square(v0))))
+        if error is None or across.energy_error <= error:
+            return across
+        share *= 0.8 * error / across.energy_error  # the ledger is of order 2 as well
 
 
 def moved_wall(wall: Wall, motion: WallMotion | None) -> tuple[SpatialWall, ShakerForces | None]:

@@ -55,11 +55,6 @@ def _of_structure(scene: Scene, wall: RomWall) -> Iterator[str]:
             f"[friction] needs a solid structure, [{table}] knows motions along the chain alone; "
             "take [assembly], or drop [friction]."
         )
-    if scene.friction.between_spheres is not None and scene.shakers:
-        yield (
-            "friction.between_spheres is not known in the periodic state of a structure; drop it, "
-            "or drop [[shakers]]."
-        )
     strike = scene.strike
     if wall.file is None and strike is not None and strike.weights == "thesis":
         yield (
