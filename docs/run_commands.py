@@ -34,9 +34,9 @@ SECONDS = re.compile(r"^ +([\w -]+?  +\d+\.\d\d s( +\(kept\))?|seconds  .*)$")
 COST = re.compile(
     r"(?<![\w.])\d+(?:\.\d+)?(?: |\n +)(?:s|min|h|kB|MB|GB|evaluations|independent samples)\b"
 )
-# an error: behind ± in any unit, a relative one by its name in the list of a run's errors
+# an error: behind ± or +- in any unit, a relative one by its name in the list of a run's errors
 ERROR = re.compile(
-    rf"(?:(?P<sign>±)|\b(?P<name>{'|'.join([*ERRORS, 'energy balance'])}))"
+    rf"(?:(?P<sign>±|\+-)|\b(?P<name>{'|'.join([*ERRORS, 'energy balance'])}))"
     r"\s(?P<value>\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?P<unit>(?(sign)(?:\s(?:%|ppm))?|\s(?:%|ppm)))"
 )
 TOKEN = re.compile(

@@ -114,7 +114,7 @@ time-reversal         4     25.2
 contact      +-  damping       ±  slips
       3  0.0031  1.187 %  0.02 %   42 %
 
-21 cases: 21 done; 37.9 s, 120 MB
+21 cases: 21 done; 37.9 s, 120 MB; evidence 34.3 +- 0.0052
 """
 
 
@@ -138,6 +138,7 @@ contact      +-  damping       ±  slips
         ("0.0031", "0.0045"),  # an error, by its column
         ("  0.02 %", "  0.03 %"),
         ("42 %", "41 %"),  # a share
+        ("+- 0.0052", "+- 0.005"),
         ("0.0031  1.187 %  0.02 %", " 0.003  1.191 % 0.025 %"),
         ("...\n   9", "   2  99.9  1.00\n   9"),  # what the page leaves out
         ("...\n   9", "   9"),
@@ -173,7 +174,8 @@ def test_a_page_may_differ_from_what_is_printed_by(quoted, printed):
         ("42 %", "42", 12),
         ("      3  0", "      4  0", 12),
         ("21 cases", "22 cases", 14),
-        ("120 MB\n", "120 MB\nwritten: x\n", 15),  # a line more at the end
+        ("+- 0.0052", "+- 0.009", 14),
+        ("0.0052\n", "0.0052\nwritten: x\n", 15),  # a line more at the end
     ],
 )
 def test_a_page_may_not_differ_from_what_is_printed_by(quoted, printed, line):
