@@ -3,8 +3,9 @@
 You will see, for hexagonal packings from some hundred contacts to a hundred thousand, the seconds
 of one step of one contact in the march in space, without friction and with friction, spin and
 ledger; for each size the same packing in LAMMPS (package GRANULAR: Hertz, mindlin with history,
-sphere integration, one thread) where it is installed; the power of the cost in the contacts; and a
-chain in its own engine.
+sphere integration), both in one thread, where it is installed; the power of the cost in the
+contacts; a chain in its own engine; and, of the largest packing, seconds of the clock by one thread
+over those by one on each core, which tell something where nothing else works on the machine.
 
     cost = c contacts^p
 
@@ -17,7 +18,7 @@ Run it: python benchmarks/crystals.py [LARGEST]        contacts, 1e5 by default,
 
 import sys
 from importlib.util import find_spec
-from time import process_time
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,7 @@ R, RHO, E, NU, MU = 6e-3, 7800.0, 210e9, 0.3, 0.2
 SPEED, DT, STEPS = 0.3, 2e-7, 400
 SPACING = 2 * R * (1.0 - 1e-4)  # m
 REPEATS = 3  # of which the quickest counts: other work of the machine only adds
+marching = sys.modules[space.march.__module__]
 
 
 class Cost(NamedTuple):
@@ -59,27 +61,28 @@ def packing(columns: int, rows: int, friction: float) -> tuple[space.Packing, np
     return found, v0
 
 
-def quickest(run) -> float:
+def quickest(run, clock=process_time) -> float:
     """[s] of the quickest of some calls, after a first one."""
     run(1)
     times = []
     for _ in range(REPEATS):
-        started = process_time()
+        started = clock()
         run(STEPS)
-        times.append(process_time() - started)
+        times.append(clock() - started)
     return min(times)
 
 
-def of_space(columns: int, rows: int, friction: float) -> float:
+def of_space(columns: int, rows: int, friction: float, threads: int = 1, **clock) -> float:
     """[s] of a contact-step in space, by Verlet."""
     found, v0 = packing(columns, rows, friction)
+    marching.LEAST_SHARE = len(found.A) // threads
 
     def run(steps):
         space.march(
             found, None, v0, duration=steps * DT, dt=DT, n_save=1, saved=[0], scheme="verlet"
         )
 
-    return quickest(run) / STEPS / len(found.A)
+    return quickest(run, **clock) / STEPS / len(found.A)
 
 
 def of_lammps(columns: int, rows: int) -> float:
@@ -135,6 +138,12 @@ def main(largest: float = 1e5) -> list[Cost]:
         for name in ("smooth", "rubbing"):
             y = np.log([c.contacts * getattr(c, name) for c in found])
             print(f"cost of a step, {name}: contacts^{np.polyfit(x, y, 1)[0]:.2f}")
+    columns = round(np.sqrt(found[-1].contacts / 3.0))
+    one, all_cores = (
+        of_space(columns, columns, MU, threads, clock=perf_counter)
+        for threads in (1, marching.MOST_WORKERS)
+    )
+    print(f"threads on all cores, friction: {one / all_cores:.2f} times as quick as one")
     print(f"chain of 1000 in its own engine: {1e9 * of_chain():.1f} ns a contact-step")
     return found
 

@@ -207,19 +207,24 @@ def march(
     stale = n_save >= 0  # a literal True would compile what takes it once more
     drifted = 0.0
     now = 0.0  # [s] of the positions
+    held = 0.0  # [s] of a last kick, by the forces of the next step's first one
     for k in range(n_save + 1):
-        for _step in range(stride if k > 0 else 0):
+        for step in range(stride if k > 0 else 0):
             for i in range(b.size):
-                kick, drift = b[i] * dt, a[i] * dt if i < a.size else 0.0
+                kick, drift = b[i] * dt + held, a[i] * dt if i < a.size else 0.0
+                held = 0.0
                 if kick != 0.0:
                     if stale:
                         press(drifted, motion, arrays, parts, crew)
                         drifted = 0.0
+                        stale = False
+                    if i >= a.size and step < stride - 1 and joins(parts.damping):
+                        held = kick
+                        continue
                     push(kick, motion, arrays, parts, parts.damping, crew)
                     push_spins(low, high, kick, motion, arrays, parts.friction, parts.guides)
                     if crew.worker == 0:
                         work_of_drive(kick, motion, arrays, parts.drive)
-                    stale = False
                 if drift != 0.0:
                     drift_spheres(low, high, drift, motion)
                     if crew.worker == 0:
@@ -688,6 +693,12 @@ def place_driven(now: float, motion: SpaceMotion, drive: Drive | None) -> None:
             motion.u[i, axis] = value * drive.direction[axis]
             motion.v[i, axis] = rate * drive.direction[axis]
             motion.spin[i, axis] = 0.0
+
+
+@ieee_inline
+def joins(damping: Damping | None) -> bool:
+    """True if two kicks by the same forces are one: dampers are right to a power of the kick."""
+    return damping is None
 
 
 @ieee_inline
