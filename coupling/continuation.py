@@ -17,7 +17,6 @@ from beadwave.coupling.periodic_state import (
     PeriodicSearch,
     PeriodicState,
     fixed_point,
-    least_cycle,
     linear_period,
     numbers_of,
     period_of,
@@ -123,8 +122,7 @@ def neighbouring_state(
             coarser, start, search, search.periodicity * error, point.jacobian
         )
         if coarse_point.change <= search.accepted * error:
-            least = least_cycle(body)
-            numbers = [numbers_of(one, speed, least) for one in (saved, coarse_point.saved)]
+            numbers = [numbers_of(one, speed, body) for one in (saved, coarse_point.saved)]
             order = 1.0 if len(body.frame) == 2 else 2.0
             of_steps = richardson(numbers[0].difference(numbers[1]), 2.0, order)
     axis = int(np.ptp(saved.slip, axis=0).argmax())

@@ -456,9 +456,12 @@ def cycle_of(
     at_wall[:, n - 1 :] += cut.residual
     x = np.cumsum(at_wall[:, n - 1 :: -1], axis=1)[:, ::-1] * (cut.sphere[0] > 0.0)
     u, turned = -cut.across * f[:, n:], -cut.turn[:, None] * f[:, n:]
+    # what the forces still change by moves centre and turn each by its receptance: a centre on a
+    # stiff arm follows its force well, the turn of a sphere that rolls hardly
     missing = at_wall[:, n:] - u - turned
-    moves = cut.across[0] != 0.0
-    u, psi = u + moves * missing, (turned + ~moves * missing * (cut.turn[0] != 0.0)) / R
+    softness = np.abs(cut.across) + np.abs(cut.turn)[:, None]
+    share = np.abs(cut.across) / np.where(softness > 0.0, softness, 1.0)
+    u, psi = u + share * missing, (turned + (softness > 0.0) * (1.0 - share) * missing) / R
 
     # work and losses: the mean of a product is 2 Re sum A B* / N^2
     def mean(a: Array, b: Array) -> float:

@@ -80,6 +80,9 @@ class PeriodicSearch(NamedTuple):
     samples: float = 5.0  # over a period of the fastest contact, at first
     cells: int = 32  # of the contact in two directions, at first; samples and cells are doubled
     most_samples: int = 2**15
+    # of the error, speed by which unbalanced forces let bodies swing; where a harmonic is near to
+    # what arm and contact resonate at, that is ten times as much
+    swing: float = 0.01
     creep: float = 0.1  # change of the tangential force over a period, over the error
     # cells that the error of a cycle's heat is taken from, along its path: where little slips,
     # that is a ring narrower than a cell, and to 64 of them all sticks
@@ -527,10 +530,20 @@ def least_cycle(body: PreparedImpact) -> tuple[float, float]:
     return force, force / (k or math.inf)
 
 
+def swing_of_force(body: PreparedImpact) -> float:
+    """[m/s / N] Speed of the last sphere on its contact after a force that is off: forces
+    that differ by dT let a contact of stiffness k swing by dT / k at its rate w, and k = w^2 m. The
+    velocities of a cycle do not show that: they are as slow as the wall."""
+    inverse_mass, inverse_inertia = body.mobility()
+    R = float(body.prepared.chain.radius[-1])
+    meets = float(inverse_mass.max()) + R**2 * inverse_inertia
+    return meets / body.rate if body.rate > 0.0 else 0.0
+
+
 class Numbers(NamedTuple):
     """Numbers by which two cycles are compared."""
 
-    speeds: Array  # of all bodies at the instants saved, over the largest
+    speeds: Array  # of all bodies at the instants saved, and `swing_of_force`, over the largest
     force: float  # logarithm of the amplitude of the tangential force, at least `least_cycle`
     slip: float  # the same of the slip
     heat: float  # of friction, over `work_scale`
@@ -542,18 +555,24 @@ class Numbers(NamedTuple):
         return max(float(np.abs(a - b).max()) for a, b in pairs)
 
 
-def numbers_of(saved: SavedSpatial, speed: float, least: tuple[float, float]) -> Numbers:
+def numbers_of(saved: SavedSpatial, speed: float, body: PreparedImpact) -> Numbers:
     """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and force and slip are at
-    least `least` [N, m]."""
-    speeds = np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
+    least `least_cycle`."""
+    least, speeds = least_cycle(body), speeds_of(saved)
+    swings = swing_of_force(body) * saved.force[:, 1:]
     heat = float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED])
     return Numbers(
-        speeds / (max(speed, float(np.abs(speeds).max())) or 1.0),
+        np.column_stack([speeds, swings]) / (max(speed, float(np.abs(speeds).max())) or 1.0),
         math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), least[0], 1e-300)),
         math.log(max(float(np.ptp(saved.slip, axis=0).max()), least[1], 1e-300)),
         heat / (work_scale(saved) or 1.0),
         heat,
     )
+
+
+def speeds_of(saved: SavedSpatial) -> Array:
+    """(k, m) [m/s] of all bodies and the wall's point over a cycle."""
+    return np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
 
 
 def balanced(
@@ -575,11 +594,11 @@ def balanced(
     few_samples = n_samples
     two_directions, n_cells, cycle, coarse = len(body.frame) == 2, search.cells, None, None
     order, estimates = 1.0 if two_directions else 2.0, []
+    tolerance = search.periodicity * error
 
     # samples and cells are doubled, each cycle from the one before, until the error is met
     while True:
         divided = body._replace(search=body.search._replace(n_cells=n_cells))
-        tolerance = search.periodicity * error
         cycle = balance(divided, before, n_samples, tolerance, search.creep * error, start=cycle)
         if not math.isfinite(cycle.change):
             return None, None
@@ -587,7 +606,7 @@ def balanced(
         opens = cycle.answer.elastic[:, -1 - len(body.frame)].min() <= 0.0
         if opens or cycle.change > tolerance:
             return None, moving.divided(body.search.n_cells)
-        numbers, estimate = numbers_of(saved, speed, least_cycle(body)), math.inf
+        numbers, estimate = numbers_of(saved, speed, body), math.inf
         if coarse is not None:
             # a turning point that no sample comes nearer to makes cycles alike by chance
             missed = abs(heat_of_path(divided, before, cycle) - numbers.loop)
@@ -599,6 +618,11 @@ def balanced(
         if estimate <= search.share * error:
             break
         coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
+        # forces as near to each other as bodies that swing by what they differ by may be
+        fastest = max(speed, float(np.abs(speeds_of(saved)).max()))
+        size = float(np.sqrt(np.sum(np.square(cycle.cut.K * cycle.y)) / len(cycle.y)))
+        swing = swing_of_force(body) * size / (search.swing * error)
+        tolerance = min(tolerance, fastest / swing) if swing > 0.0 else tolerance
         stuck = len(estimates) > 2 and estimate > search.hopeless * estimates[-3]
         if stuck or n_samples > search.most_samples:
             return None, moving.divided(body.search.n_cells)
@@ -627,7 +651,7 @@ def balanced(
         before, few_samples, cycle, search,
     )  # fmt: skip
     repeated = RepeatedMotion(
-        moving, saved, change, estimate, 1, False, n_samples, loop_error, pushed
+        moving, saved, change, estimate + change, 1, False, n_samples, loop_error, pushed
     )
     return repeated, None
 
@@ -786,7 +810,7 @@ def shot(
             state, saved, change, n_periods = marched_on(period, state, search, accepted)
 
         # the error by the search before, if both come back after as many periods
-        numbers = numbers_of(saved, speed, least_cycle(body))
+        numbers = numbers_of(saved, speed, body)
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             order = 1.0 if two_directions else 2.0
             estimates.append(richardson(numbers.difference(coarse), search.refined, order))
