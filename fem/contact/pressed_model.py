@@ -48,6 +48,8 @@ class PairInContact(NamedTuple):
     rough: float = 0.0  # lambda of k = p / lambda [m]; 0 of hard faces
     # centres (3,) [m] of the bolts between them, and the shear stiffness [N/m] of each after slip
     bolts: Sequence[tuple[NDArray[np.float64], float]] = ()
+    # [m] height of the crown of both together: > 0 they touch in their middle first, < 0 at the rim
+    flatness: float = 0.0
 
 
 class PressedAssembly(NamedTuple):
@@ -121,7 +123,14 @@ def pressed_state(
     facets, ends = contact.facets, np.cumsum(of_each)[:-1]
 
     # the zone without friction; facets that slide share the stiffness of the bolt nearest to them
-    state = preloaded_contact(contact, F)
+    crowns = [
+        crown(points, area, f.flatness)
+        for points, area, f in zip(
+            *(np.split(x, ends) for x in (facets.points, facets.area)), faces, strict=True
+        )
+    ]
+    gap = facets.gap + np.concatenate(crowns)
+    state = preloaded_contact(contact, F, gap)
     shear = []
     parts = (np.split(x, ends) for x in (facets.points, facets.area, state.state != OPEN))
     for points, area, on, f in zip(*parts, faces, strict=True):
@@ -137,8 +146,19 @@ def pressed_state(
 
     # then what would slide
     friction = np.repeat([f.friction for f in faces], of_each)
-    state = with_friction(contact, state, F, friction)
+    state = with_friction(contact, state, F, friction, gap)
     return state.with_roughness(np.repeat([f.rough for f in faces], of_each))
+
+
+def crown(
+    points: NDArray[np.float64], area: NDArray[np.float64], height: float
+) -> NDArray[np.float64]:
+    """Gaps (m,) [m] of facets at points (m, 3) with areas (m,) [m^2] that rise with the square of
+    the distance from their middle to the height [m] of the farthest; of a height < 0 they fall to 0
+    there."""
+    share = np.sum((points - area @ points / area.sum()) ** 2, axis=1)
+    share /= share.max(initial=1e-300)
+    return height * (share if height > 0 else share - 1)
 
 
 def floats(K, T: csr_matrix) -> bool:

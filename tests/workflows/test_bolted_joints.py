@@ -66,6 +66,7 @@ def places(tables):
         ({"model": "contact", "cz": 10.0}, "cz belong to springs"),
         ({"washer": "share"}, "contradicts its bolt"),
         ({"frame": "global"}, "contradicts its bolt"),
+        ({"flatness": 1e-5}, "is that of faces in contact"),
         ({"at": [[0.02, 0.02, 0.01]], "washer": 0.01}, "needs holes through both bodies"),
         ({"roughness": {}}, "needs Ra or rms"),
         ({"roughness": {"Ra": 1e-6, "rms": 1e-6}}, "needs Ra or rms"),
@@ -334,11 +335,12 @@ def test_a_sweep_over_preload_and_friction_has_the_numbers_of_separate_runs(
         "joints.lap.preload": [4e3, 16e3],
         "joints.lap.friction": [0.05, 0.3],
         "joints.lap.roughness.Ra": [1e-7, 3e-6],
+        "joints.lap.flatness": [0.0, -5e-6],
     }
     found = sweep(table, contact, over=over, out=tmp_path / "sweep").data()
-    assert len(found) == 8 and set(found["status"]) == {"done"}
+    assert len(found) == 16 and set(found["status"]) == {"done"}
     assert len(condensations) == 1
-    for case in (1, 6):
+    for case in (2, 13):
         row = found.iloc[case]
         own = modes(table, contact | {key: float(row[key]) for key in over}).table
         hz = [mode.frequency_hz for mode in own.rows[6:18]]

@@ -99,7 +99,7 @@ EXAMPLES: dict[str, Any] = {
     "joints.NAME.at": "holes", "washer": "9 mm", "sides": ["rigid", "mean"],
     "stack": ["plate", "left", "right"], "joints.NAME.bolt": "M8-8.8",
     "joints.NAME.preload": "12 kN", "joints.NAME.torque": "20 N m", "torque_deviation": 0.15,
-    "joints.NAME.friction": 0.15, "Ra": "1.6 um", "rms": "2 um", "joints.NAME.model": "contact",
+    "joints.NAME.friction": 0.15, "Ra": "1.6 um", "rms": "2 um", "joints.NAME.model": "contact", "flatness": "20 um",
     "joints.NAME.bolt.diameter": "8 mm", "joints.NAME.bolt.pitch": "1.25 mm",
     "proof_stress": "580 MPa", "bearing": "12 mm", "across_flats": "13 mm",
     "head_height": "5.3 mm", "nut_height": "6.8 mm",

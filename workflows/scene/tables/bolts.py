@@ -9,6 +9,7 @@ from beadwave.workflows.scene.named_bolts import BEARING, NamedBolt, named_bolt,
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
     Density,
+    Number,
     Positive,
     SceneTable,
     Spring,
@@ -20,7 +21,7 @@ from beadwave.workflows.scene.units import FORCE, LENGTH, PRESSURE, TORQUE
 
 RMS = 1.25  # rms over Ra of heights with Gauss' distribution: sqrt(pi / 2)
 SPRINGS = ("kx", "ky", "kz", "krx", "kry", "krz")
-OF_BOLT = ("preload", "torque", "torque_deviation", "friction", "roughness", "model")
+OF_BOLT = ("preload", "torque", "torque_deviation", "friction", "roughness", "flatness", "model")
 Size = of(Positive, LENGTH, 1e-3, 0.2)
 Height = of(Positive, LENGTH, 1e-9, 1e-3)
 
@@ -110,6 +111,9 @@ class FromDrawing(JointStiffnesses):
     torque_deviation: Annotated[float, Field(ge=0, le=1)] | None = None
     friction: Annotated[float, Field(ge=0, le=2)] | None = None  # of the faces; 0.15
     roughness: Roughness | None = None  # of each face; without it they are hard and smooth
+    # [m] height of the crown that both faces in contact have together: > 0 they touch in their
+    # middle first, < 0 at their rim; without it they are plane
+    flatness: of(Number, LENGTH, -1e-3, 1e-3) | None = None
     # of the joint: "springs" by formula, or "contact" of the faces under the preload; springs
     model: Literal["springs", "contact"] | None = None
 
@@ -143,6 +147,10 @@ class FromDrawing(JointStiffnesses):
             raise ValueError(
                 f'{" and ".join(own)} belong to springs, model = "contact" has none: drop one of '
                 "them"
+            )
+        if self.flatness is not None and self.model != "contact":
+            raise ValueError(
+                'flatness is that of faces in contact: add model = "contact", or drop it'
             )
         if self.torque_deviation is not None and self.torque is None:
             raise ValueError("torque_deviation is that of a torque: give torque, or drop it")

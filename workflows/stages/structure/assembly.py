@@ -91,7 +91,7 @@ def _pressing(mesh: Parts) -> tuple[fem.Load, list[PairInContact]]:
         of_pair = [p for p in mesh.bolted if p.in_contact and {*p.pair.split("|")} == bodies]
         friction, rough = of_pair[0].friction, rough_layer(of_pair[0].rms)[0]
         bolts = [(place.centre, place.stiffness.slipped.kx) for place in of_pair]
-        faces.append(PairInContact(tie, friction, rough, bolts))
+        faces.append(PairInContact(tie, friction, rough, bolts, of_pair[0].flatness))
     return load._replace(rods=[*load.rods, *mesh.rods]), faces
 
 

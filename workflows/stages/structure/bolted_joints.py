@@ -44,6 +44,7 @@ class BoltedPlace(NamedTuple):
     axis: NDArray[np.float64]  # (3,) from head to nut
     friction: float
     rms: float  # [m] of the heights of both faces
+    flatness: float  # [m] height of their crown
     hole: float  # [m] diameter, the wider of both
     in_contact: bool  # its faces are in contact, and a rod from head to nut presses them
     rod: fem.Rod | None  # of a contact, at the faces next to the head
@@ -148,6 +149,7 @@ def bolted_places(
             place.axis,
             friction,
             rms,
+            table.flatness or 0.0,
             max(diameter for diameter, _ in place.holes),
             in_contact,
             rod,

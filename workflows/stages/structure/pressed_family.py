@@ -1,5 +1,5 @@
-"""Scenes that differ in preload, friction or roughness of faces in contact: one mesh, one assembly,
-one factor.
+"""Scenes that differ in preload, friction, roughness or flatness of faces in contact: one mesh, one
+assembly, one factor.
 
 Stages of such a scene that take these from the family: a bolt is placed anew on the drawing, the
 state follows on the interface that is condensed once, and modes from those about the state of the
@@ -25,7 +25,7 @@ from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.targets import targets
 
 # of a joint in contact, which leave its mesh and its reference as they are
-KEYS = ("preload", "torque", "torque_deviation", "friction", "roughness")
+KEYS = ("preload", "torque", "torque_deviation", "friction", "roughness", "flatness")
 
 
 class PressedFamily:
