@@ -40,10 +40,10 @@ SHIFT = 0.08  # m, of the second plate along x
 LAYER = 1e15
 
 
-def main(scale: float = 1.0, *, calculix: bool = False) -> list[tuple]:
+def main(scale: float = 1.0, *, n_bolts: int = 6, calculix: bool = False) -> list[tuple]:
     """Print and return the rows: what was computed, and its seconds."""
     outline = [[0, 0], [0.18, 0], [0.18, 0.08], [0, 0.08]]
-    at = {"left": BOLTS, "right": [[x - SHIFT, y] for x, y in BOLTS]}
+    at = {"left": BOLTS[:n_bolts], "right": [[x - SHIFT, y] for x, y in BOLTS[:n_bolts]]}
     bodies = {
         body: {
             "plate": {"outline": outline, "thickness": 0.01},
