@@ -95,7 +95,7 @@ def price(base: Base, design: Design, workers: int) -> Price:
         output, n_together = first.scene.output, 1
         if checked.side_by_side:
             n_together = min(design.n_cases, (AT_ONCE + 1) * CHUNK)
-        per_case = output.samples * (len(output.spheres) + 1)
+        per_case = output.samples * (len(output.spheres) + 1) if output else 0
         memory_GB = 8e-9 * 3 * per_case * n_together
 
     # parts of a scene that the lanes of `dem.batch` do not take

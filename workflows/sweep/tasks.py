@@ -7,7 +7,7 @@ from typing import NamedTuple
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
 from beadwave.workflows.sweep.cases import Base, CheckedGroup, Group, checked, groups
 from beadwave.workflows.sweep.core.design import Design
-from beadwave.workflows.sweep.models import Source, models_key
+from beadwave.workflows.sweep.models import Source, has_spheres, models_key
 
 CHUNK = 500  # cases of a task that march side by side: a killed sweep loses at most so many
 ALONE = 20  # cases of a task that march one after another, some seconds
@@ -33,8 +33,9 @@ class Sharing(NamedTuple):
 def sharings(
     base: Base, design: Design, cases: list[int], signals: bool, *, here: bool = False
 ) -> Iterator[Sharing]:
-    """For each group of these cases, the tasks that share its wall. Those computed `here`, in this
-    process, that differ in preload, friction and roughness follow each other and share the rest."""
+    """For each group of these cases, the tasks that share its wall. Cases without a chain computed
+    `here`, in this process, that differ in preload, friction and roughness follow each other and
+    share the rest."""
     if not here or not (varied := pressed_keys(base, design)):
         yield from (sharing(base, design, group, signals) for group in groups(base, design, cases))
         return
@@ -48,10 +49,9 @@ def sharings(
         family = None
         for group in groups(base, design, alike):
             of_group = sharing(base, design, group, signals)
-            if of_group.source is not None and not of_group.source.springs:
+            if of_group.source is not None:
                 family = family or PressedFamily(of_group.source.pipeline)
-                source = of_group.source._replace(family=family)
-                of_group = of_group._replace(source=source, key=models_key(source))
+                of_group = of_group._replace(source=of_group.source._replace(family=family))
             yield of_group
 
 
@@ -61,7 +61,8 @@ def pressed_keys(base: Base, design: Design) -> list[str]:
         scene = base.with_values(design.case(0))
     except InvalidScene:
         return []
-    if not any(joint.model == "contact" for joint in scene.bushings.values()):
+    in_contact = any(joint.model == "contact" for joint in scene.bushings.values())
+    if has_spheres(scene) or not in_contact:
         return []
     from beadwave.workflows.stages.structure.pressed_family import varied
 
