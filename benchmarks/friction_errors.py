@@ -40,7 +40,7 @@ from stated_errors import COLUMNS, row, stated_over_true
 # references by order 2 disagree
 REFINEMENT = (30.0, 4.0)
 AGREEMENT = 0.2  # of the stated error: difference of two references that may stand for the truth
-REFERENCES = 3  # tried, each to half the error of the last
+REFERENCES = 5  # tried, each to half the error of the last
 
 
 class RandomRun(NamedTuple):
