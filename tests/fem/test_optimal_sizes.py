@@ -33,7 +33,7 @@ def test_no_other_sizes_have_fewer_unknowns_at_the_error_allowed():
     start = np.full(sum(len(r.energy) for r in regions), np.log(0.3))
     best = minimize(
         unknowns, start, method="SLSQP", constraints={"type": "ineq", "fun": left},
-        options={"maxiter": 500, "ftol": 1e-12},
+        options={"maxiter": 500, "ftol": 1e-9},  # below 1e-10 its line search ends in rounding
     )  # fmt: skip
     assert best.success
     assert unknowns(np.log(np.concatenate(found))) == pytest.approx(best.fun, rel=1e-4)

@@ -147,10 +147,6 @@ def test_spheres_that_nothing_holds_beside_a_shaken_structure_are_held_by_a_word
 
 REFUSED = {
     'friction.upstream = "held" holds the other spheres': ["friction.upstream=held"],
-    "friction.between_spheres is not known in the periodic state": [
-        "friction.between_spheres=0.1",
-        "shakers=[{name='s',on='block:+y',direction='y',force=1.0,frequency=100.0}]",
-    ],
     "[friction] needs a contact that is read where it is loaded": ["strike.weights=thesis"],
 }
 
