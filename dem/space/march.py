@@ -9,7 +9,6 @@ and with friction: slip has order 2, where it begins and ends less is left of it
 """
 
 import multiprocessing
-import os
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -34,6 +33,7 @@ from beadwave.dem.space.structure import (
 )
 from beadwave.dem.stability import UnstableStep, stability_interval
 from beadwave.dem.walls import Wall
+from beadwave.system import free_cores
 
 MOST_SAVED = 5e8  # numbers of a trajectory: 4 GB
 # stated error over what the difference says: of 300 random networks none is below, of 100 with
@@ -252,7 +252,7 @@ def n_workers(packing: Packing) -> int:
     dampers, whose kicks go through all contacts at once, and in a child process, which is one of
     several already."""
     alone = dampers(packing) is not None or multiprocessing.parent_process() is not None
-    cores = 1 if alone else min(os.cpu_count() or 1, MOST_WORKERS)
+    cores = 1 if alone else min(free_cores(), MOST_WORKERS)
     return max(1, min(cores, len(packing.A) // LEAST_SHARE))
 
 
