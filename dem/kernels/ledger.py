@@ -125,10 +125,11 @@ def save(
     )
 
     # states; the wall's velocity is that of its modes and of the dashpot under the force
-    kinetic = 0.0
     for i in range(x.size):
         saved.x[k, i] = x[i]
         saved.v[k, i] = v[i]
+    kinetic = 0.0  # in a loop that writes nothing: else its order follows where the arrays lie
+    for i in range(x.size):
         kinetic += 0.5 * chain.mass[i] * v[i] ** 2
     for i in range(chain.A.size):
         saved.force[k, i] = motion.f[i + 1]
