@@ -31,18 +31,20 @@ class WavePair(NamedTuple):
     echo_ratio: float  # |reflected| / incident peak velocity; ARR is its power 6/5, along the chain
 
 
-def arrivals(t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2) -> list[Arrival]:
+def arrivals(
+    t: ArrayLike, v: ArrayLike, *, threshold: float = 0.2, smallest: float = 0.0
+) -> list[Arrival]:
     """Waves in the velocity v (k,) [m/s] of a sphere at equally spaced times t (k,) [s], in order
     of time.
 
     Each stretch in which |v| stays above `threshold` times its largest value is one wave; time
     and height are those of the parabola through its highest sample and the two next to it. A wave
     that leaves its sphere moving, as the last one of a free chain, arrives when the velocity no
-    longer changes.
+    longer changes. A sphere that never exceeds `smallest` [m/s] has none.
     """
     t, v = np.asarray(t, float), np.asarray(v, float)
     largest = np.abs(v).max(initial=0.0)
-    if largest == 0.0:
+    if largest <= smallest:
         return []
 
     # runs of samples above the level, of one sign each; a crest at either end of the record is no

@@ -390,6 +390,19 @@ def test_a_changed_chain_redoes_nothing_of_the_finite_elements(change):
     assert key("impact", change) != key("impact")
 
 
+def test_the_time_that_a_mesh_may_take_redoes_nothing():
+    assert all(key(stage, "mesh.seconds=7") == key(stage) for stage in (*FE, "impact"))
+
+
+@pytest.mark.parametrize("name", ["rig-rigid", "rig-1dof"])
+def test_spheres_that_no_wave_has_reached_list_none(name, capsys):
+    """Their rounding had hundreds of peaks, of 1e-16 m/s and less."""
+    assert beadwave("impact", name, "--set=time.duration=0.2 ms", "--json") == 0
+    waves = json.loads(capsys.readouterr().out)["waves"]
+    assert len(waves["4"]["arrivals"]) == 1 and not waves["14"]["arrivals"]
+    assert waves["14"]["echo_delay_s"] is None
+
+
 @pytest.mark.parametrize(
     ("change", "redone"),
     [

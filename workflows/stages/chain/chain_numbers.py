@@ -40,7 +40,7 @@ def chain_numbers(
         "error_spheres": scene.output.spheres or tuple(range(1, start.velocity.size + 1)),
         "sphere_errors_m_s": () if run.errors is None else tuple(map(float, run.errors.v)),
         "verdict": (*verdict.sentences, *dem.yielding(start.chain, run)),
-        "waves": {str(s): sphere_waves(waves, run.t, run.v[:, s - 1], s) for s in waves.labels},
+        "waves": {str(s): sphere_waves(waves, run.t, run.v, s) for s in waves.labels},
         "wall_contact": chain_contact(scene, waves),
     }
     if wall is not None:

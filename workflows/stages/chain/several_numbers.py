@@ -45,7 +45,7 @@ def chains_numbers(
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
             contact_radius_m=contact_radius(one, first, peak),
-            waves={str(s): sphere_waves(mine, run.t, run.v[:, s - 1], s) for s in mine.labels},
+            waves={str(s): sphere_waves(mine, run.t, run.v, s) for s in mine.labels},
             wall_contact=chain_contact(one, mine),
             errors=ErrorEstimate(time=march.error_estimate),
             sphere_errors_m_s=(

@@ -1,6 +1,7 @@
 """The waves of a run as a stage (`dem.waves`), and as the summary has them."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from beadwave.coupling import Impact
 from beadwave.dem.waves.arrivals import Arrival, arrivals, passage
@@ -9,6 +10,10 @@ from beadwave.dem.waves.measures import track_speed
 from beadwave.workflows.report.summary import ChainContact, SphereWaves, TrackedWave, WaveArrival
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start
+
+# of the largest speed of any sphere: what moves less waits for its first wave, in rounding and the
+# tail that a modal wall or the step sends ahead
+QUIET = 1e-6
 
 
 def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
@@ -19,13 +24,16 @@ def waves(scene: Scene, start: Start, impact: Impact) -> ChainWaves:
     )  # fmt: skip
 
 
-def sphere_waves(waves: ChainWaves, t, v, sphere: int) -> SphereWaves:
-    """Waves at a sphere (counted from 1) with velocity v (k,) [m/s] at times t (k,) [s]; all peaks,
-    unnamed, where the chain is too short for tracks or its spheres are unlike."""
-    labels, pair = waves.labels[sphere], passage(t, v)
+def sphere_waves(
+    waves: ChainWaves, t: NDArray[np.float64], v: NDArray[np.float64], sphere: int
+) -> SphereWaves:
+    """Waves at a sphere (counted from 1) of velocities v (k, n) [m/s] at times t (k,) [s]; all
+    peaks, unnamed, where the chain is too short for tracks or its spheres are unlike."""
+    smallest, v = QUIET * np.abs(v).max(), v[:, sphere - 1]
+    labels, pair = waves.labels[sphere], passage(t, v, smallest=smallest)
     listed = [_arrival(label.arrival, label.name, label.alone) for label in labels]
     return SphereWaves(
-        arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v)]),
+        arrivals=tuple(listed or [_arrival(wave) for wave in arrivals(t, v, smallest=smallest)]),
         echo_delay_s=pair and pair.echo_delay,
         echo_ratio=pair and pair.echo_ratio,
     )

@@ -9,6 +9,7 @@ a new sphere leaves the finite elements alone.
 
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
+from functools import cached_property
 from importlib import import_module
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 from joblib import Memory
 
 from beadwave.workflows.scene import Scene
+from beadwave.workflows.scene.tables.mesh import AskedOfMesh
 from beadwave.workflows.stages.engine.cache import key, memory
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 from beadwave.workflows.stages.engine.stage_table import Stage, stages_of
@@ -181,8 +183,16 @@ class Pipeline:
         if name not in self._keys:
             stage = self._stages[name]
             needs = [self.key(need) for need in stage.needs]
-            self._keys[name] = key(name, stage.reads(self.scene), needs)
+            self._keys[name] = key(name, stage.reads(self._keyed), needs)
         return self._keys[name]
+
+    @cached_property
+    def _keyed(self) -> Scene:
+        """The scene without the time that its mesh may take, which changes no result."""
+        usual = AskedOfMesh.model_fields["seconds"].default
+        if self.scene.mesh is None or self.scene.mesh.seconds == usual:
+            return self.scene
+        return self.scene.but(mesh={"seconds": usual})
 
 
 def pipeline_of(scene: Scene, progress: Progress, further: Sequence[Stage] = ()) -> Pipeline:
