@@ -125,13 +125,13 @@ def late_mesh(body: Body, size: Size, seconds: float) -> str:
     smallest = sorted(body.faces, key=lambda face: face.area)[:3]
     faces = ", ".join(
         f"{body.name}@{','.join(f'{x:.4g}' for x in face.centre.round(6) + 0.0)} "
-        f"({1e6 * face.area:.2g} mm2)"
+        f"({1e6 * face.area:.3g} mm^2)"
         for face in smallest
     )
     return (
         f'"{body.name}" was not meshed within {seconds:g} s with elements of '
-        f"{1e3 * size.seed:.3g} mm; its smallest faces are {faces}. Take a larger seed for it, "
-        "repair these faces in the CAD, or allow more by mesh.seconds."
+        f"{1e3 * size.seed:.3g} mm; its smallest faces are {faces}. Take larger elements for "
+        "it, repair small faces in the CAD, or allow more by mesh.seconds."
     )
 
 

@@ -63,6 +63,7 @@ def places(tables):
         ({"torque_deviation": 0.1}, "is that of a torque"),
         ({"model": "mesh"}, "springs"),
         ({"model": "contact", "kz": 1e8}, "kz belong to springs"),
+        ({"model": "contact", "flatness": "1 m"}, "less than or equal to 0.01"),
         ({"model": "contact", "cz": 10.0}, "cz belong to springs"),
         ({"washer": "share"}, "contradicts its bolt"),
         ({"frame": "global"}, "contradicts its bolt"),

@@ -113,7 +113,7 @@ class FromDrawing(JointStiffnesses):
     roughness: Roughness | None = None  # of each face; without it they are hard and smooth
     # [m] height of the crown that both faces in contact have together: > 0 they touch in their
     # middle first, < 0 at their rim; without it they are plane
-    flatness: of(Number, LENGTH, -1e-3, 1e-3) | None = None
+    flatness: of(Annotated[Number, Field(ge=-0.01, le=0.01)], LENGTH, -1e-3, 1e-3) | None = None
     # of the joint: "springs" by formula, or "contact" of the faces under the preload; springs
     model: Literal["springs", "contact"] | None = None
 
