@@ -64,6 +64,7 @@ def places(tables):
         ({"model": "mesh"}, "springs"),
         ({"model": "contact", "kz": 1e8}, "kz belong to springs"),
         ({"model": "contact", "flatness": "1 m"}, "less than or equal to 0.01"),
+        ({"roughness": 0}, r"roughness = { KEY = VALUE }\."),
         ({"model": "contact", "cz": 10.0}, "cz belong to springs"),
         ({"washer": "share"}, "contradicts its bolt"),
         ({"frame": "global"}, "contradicts its bolt"),

@@ -394,6 +394,7 @@ SENTENCES = {
     "string_too_short": "{key} is empty; give a text, or drop it.",
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
     "model_type": "{key} = {shown} must be a table; write [{key}] with keys below it.",
+    "table_in_row": "{key} = {shown} must be a table; write {last} = {{ KEY = VALUE }}.",
 }
 LISTS_OF_TABLES = {("crystal", "inclusions")} | {
     (name,)
@@ -430,11 +431,17 @@ def _sentence(
             name = table.get("name") if in_list and isinstance(table, dict) else None
             counted = str(part + 1) if in_list else str(part)
             key.append(name if isinstance(name, str) and name else counted)
+    # [a.b] names no row of a list, but a table that is written in it may be
+    named = [part for part in error["loc"] if isinstance(part, int) or str(part) in key[-1:]]
+    in_row = len(named) > 1 and isinstance(named[-2], int) and isinstance(named[-1], str)
+    if in_row and SENTENCES.get(type_) == SENTENCES["model_type"]:
+        type_ = "table_in_row"
     if type_ == "missing":
         key.append(str(error["loc"][-1]))
     return SENTENCES.get(type_, "{key} = {shown} {allowed}; change it.").format(
         key=repr(".".join(key))[1:-1] or "the scene",
         value=value,
+        last=key[-1] if key else "",
         shown=shown(value),
         words=words or "it",
         wanted=wanted or error.get("ctx", {}).get("max_length"),
