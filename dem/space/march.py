@@ -257,7 +257,7 @@ def n_workers(packing: Packing) -> int:
 
 
 def marched_by(workers: int, march: CompiledFunction, task: tuple) -> int:
-    """What the kernel's march returns of a task, shared out among threads."""
+    """Result of the kernel's march for a task, shared out among threads."""
     gate = np.zeros(3, np.int64)
     crew = [Crew(worker, workers, gate) for worker in range(workers)]
     if workers == 1:

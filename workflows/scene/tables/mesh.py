@@ -19,7 +19,7 @@ from beadwave.workflows.scene.units import (
 
 
 class AskedOfMesh(SceneTable):
-    """What is asked of a mesh in place of sizes of elements."""
+    """Demands on a mesh in place of sizes of elements, and the time that it may take."""
 
     # relative error from which sizes of elements follow: of the frequencies of the targets, without
     # targets of the first elastic modes, and of the static compliance at the contact

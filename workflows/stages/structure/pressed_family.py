@@ -29,8 +29,8 @@ KEYS = ("preload", "torque", "torque_deviation", "friction", "roughness", "flatn
 
 
 class PressedFamily:
-    """What scenes share whose faces in contact differ in preload, friction and roughness, computed
-    when it is first needed from the pipeline of one of them."""
+    """Results that scenes share whose faces in contact differ in preload, friction and roughness,
+    computed when they are first needed from the pipeline of one of them."""
 
     def __init__(self, pipeline: Pipeline) -> None:
         self._pipeline = pipeline
