@@ -163,8 +163,8 @@ def test_a_contact_that_opens_in_its_cycle_is_called_impacting():
 
 @pytest.mark.slow
 def test_friction_between_spheres_is_in_the_cycle():
-    """Without it the cycle is one of harmonic balance; by a coefficient of 0 one of marches, as
-    with friction: heat to 1e-5 of itself at an error of 1e-3, shakers' work and losses alike."""
+    """Harmonic balance, without friction between the spheres, and marches with a coefficient of 0
+    give one heat to the error of 1e-3; friction changes it. Shakers put in what is lost."""
     wall = random_wall(0)._replace(zeta=np.full(4, 0.02), load=np.ones((4, 1)))
     wall = wall._replace(load_residual=np.zeros((3, 1)))
     chain = row(2, leaf_stiffness=[1e6, 0.0], leaf_anchor=[40e-6, 0.0])
