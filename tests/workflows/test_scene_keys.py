@@ -65,6 +65,14 @@ def test_a_key_is_explained_by_a_name_of_the_user_s_own(capsys):
     assert {row["of"] for row in rows if row["key"] == "wall.young"} > {'kind = "1dof"'}
 
 
+def test_a_key_that_means_the_same_in_both_kinds_of_a_mesh_has_one_entry():
+    of = {}
+    for entry in reference.scene_keys():
+        of.setdefault(entry.key, []).append(entry.of)
+    assert of["mesh.seconds"] == [""]
+    assert of["mesh.element"] == ["Elements of bodies", "Elements of the thesis' rig"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

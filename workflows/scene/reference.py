@@ -7,6 +7,7 @@ its type. A name of the user's is written NAME, a row of a list without names N.
 import ast
 import inspect
 import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from math import inf, isinf, sqrt
@@ -172,8 +173,17 @@ class KeyEntry(NamedTuple):
 @cache
 def scene_keys() -> tuple[KeyEntry, ...]:
     """Every key of every table, in the order of the tables; a key of several kinds of its table
-    once for each."""
-    return tuple(_keys_of(Scene, ()))
+    once for each, and one entry where the kinds of an `EITHER` table say the same."""
+    entries = [*_keys_of(Scene, ())]
+    of_kinds = Counter(entry._replace(of="") for entry in entries)
+    n_kinds = {table: len(kinds) for table, kinds in EITHER.items()}
+    return tuple(
+        dict.fromkeys(
+            shared if of_kinds[shared] == n_kinds.get(entry.key.partition(".")[0]) else entry
+            for entry in entries
+            for shared in [entry._replace(of="")]
+        )
+    )
 
 
 def entries_of(key: str) -> tuple[KeyEntry, ...]:

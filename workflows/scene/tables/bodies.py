@@ -336,8 +336,8 @@ class General(SceneTable):
 
 
 class Meshing(AskedOfMesh):
-    """Quadratic elements: hexahedra where a body is a box, an extruded outline or a tube, else
-    tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
+    """Elements of bodies: quadratic, hexahedra where a body is a box, an extruded outline or a
+    tube, else tetrahedra; or "tet" for all. `scale` is a factor on all sizes of elements."""
 
     # hexahedra where a body allows for them, or tetrahedra everywhere
     element: Literal["hex", "tet"] = "hex"

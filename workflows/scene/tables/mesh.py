@@ -40,7 +40,8 @@ class AskedOfMesh(SceneTable):
 
 
 class Mesh(AskedOfMesh):
-    """Quadratic elements; `seed` is their size in the sheets, `contact_seed` at the patch."""
+    """Elements of the thesis' rig: quadratic; `seed` is their size in the sheets, `contact_seed` at
+    the patch."""
 
     element: Literal["hex", "tet"] = "hex"  # hexahedra, or tetrahedra
     seed: Seed = 6e-3  # [m] in the sheets
