@@ -160,6 +160,25 @@ def test_every_sphere_of_a_chain_is_drawn_or_the_legend_says_how_many(
     np.testing.assert_allclose([c[0] for c in centres], 1 + (ends[1:] + ends[:-1]) / 2)
 
 
+@pytest.mark.parametrize(("radii", "right_of_middle"), [([], True), ([0.01] * 10, False)])
+def test_heights_stand_across_from_the_names(radii, right_of_middle, tmp_path, monkeypatch):
+    cube = render.pv.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid()
+    cube.cell_data["body"] = np.zeros(1, int)
+    strike, places = [1.0, 0.5, 0.5, -1.0, 0.0, 0.0], {}
+    right = np.cross(render.UP, render.eye_of(strike))
+
+    def placed(self, points, labels, **_):
+        beyond_middle = (np.array(points) - 0.5) @ right
+        places.update(zip((text.strip() for text in labels), beyond_middle > 0, strict=True))
+
+    monkeypatch.setattr(render.pv.Plotter, "add_point_labels", placed)
+    fixtures = render.Fixtures(["cube"], strike=strike, spheres=radii)
+    render.assembly(cube, fixtures, tmp_path / "assembly.png")
+    middle = {"500": False} if right_of_middle else {}  # where the chain may pass there is none
+    heights = dict.fromkeys(("0", *middle, "z = 1000 mm"), not right_of_middle)
+    assert places == {"cube": right_of_middle} | heights
+
+
 def test_the_first_sentence_on_errors_leaves_no_known_one_out():
     errors = ErrorEstimate(time=1e-4, mesh=0.02, receptance=3e-3)
     assert velocity_errors(Summary(scene="arm", error_estimate=errors)) == [

@@ -35,7 +35,8 @@ def callouts(
     occupied: Sequence[float] | None = None,
 ) -> list[Callout]:
     """For points (n, 3) of each body's surface, seen from the direction `towards`; names stand on
-    both sides, or only across from a direction (3,) that is occupied by something else."""
+    the right, those of more bodies than lines of text on both sides, and across from a direction
+    (3,) that is occupied by something else."""
     # coordinates to the right, upwards and to the eye
     eye = np.asarray(towards, dtype=float)
     eye = eye / np.linalg.norm(eye)
@@ -65,10 +66,11 @@ def callouts(
     anchors = np.array(anchors)
     anchors[:, 2] = upper[2]
 
-    # names beside the picture, the left half of the anchors to the left of it, spread so that
-    # lines of text do not overlap
-    order = np.argsort(anchors[:, 0], kind="stable")
-    is_left = np.isin(np.arange(len(bodies)), order[: len(bodies) // 2])
+    # names beside the picture, spread so that lines of text do not overlap; of both sides the left
+    # half of the anchors on the left
+    is_left = np.zeros(len(bodies), bool)
+    if len(bodies) > N_LINES:
+        is_left[np.argsort(anchors[:, 0], kind="stable")[: len(bodies) // 2]] = True
     along = 0.0 if occupied is None else float(right @ np.asarray(occupied, dtype=float))
     if abs(along) > ASLANT:
         is_left[:] = along > 0

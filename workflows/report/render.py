@@ -30,6 +30,7 @@ STEEL = (
     "#c9a0dc", "#6f7f3f", "#e0a8a0", "#3f6f6f", "#8c8cc8", "#b0b070",
 )  # fmt: skip
 IMPACT, SPHERE, HELD, BOLT = "#c8371b", "#9aa7b4", "#1f5fbf", "#202020"
+GREY = "#505050"  # of dimensions
 SPRING, MASS, PART = "#2f7d4f", "#7a3f9d", "#a3195b"
 RAMP = ("#cfd5db", "#f3c35f", "#e2622f", "#8b1a3a")  # of displacements, as in the report page
 MATT = {"ambient": 0.35, "diffuse": 0.75, "specular": 0.0}
@@ -47,6 +48,8 @@ CHAIN_LENGTH = 1.3  # most length of the chain that is drawn over the assembly's
 PIN_LENGTH = 0.09
 PIN_RADIUS = 0.1  # radius of that pin over its length
 SHORT_SIDE = 0.12  # side of the assembly over its size that has no room for three numbers
+FLAT = 0.05  # height of the assembly over its size that has no room for two lines of text
+TICK = 0.01  # length of the marks of heights over the assembly's size
 # of a spring to the ground over the assembly's size, and of any coil: turns, radius and wire
 # over the assembly's size
 SPRING_LENGTH = 0.16
@@ -218,19 +221,50 @@ def struck(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[s
     return [(impact, IMPACT)]
 
 
-def dimensions(plotter: pv.Plotter, grid: pv.DataSet) -> None:
-    """Axes in mm around the assembly: three numbers along a side, or both ends of a short one."""
+def dimensions(
+    plotter: pv.Plotter, grid: pv.DataSet, eye: NDArray[np.float64], on_left: bool
+) -> None:
+    """Axes in mm around the assembly: three numbers along a side, or both ends of a short one; of
+    heights three on the left, both ends on the right, where the chain may pass in between."""
     # to a micrometre: an end at -1e-17 m is 0, not -0
     millimetres = [round(1e3 * x, 3) + 0.0 for x in grid.bounds]
     sides = np.diff(np.reshape(grid.bounds, (3, 2)), axis=1)[:, 0]
     numbers = np.where(sides > SHORT_SIDE * grid.length, 3, 2).tolist()
     axes = plotter.show_bounds(
         bounds=grid.bounds, axes_ranges=millimetres, xtitle="x [mm]", ytitle="y [mm]",
-        ztitle="z [mm]",
-        n_xlabels=numbers[0], n_ylabels=numbers[1], n_zlabels=numbers[2],
-        fmt="%.0f", font_size=11, location="outer", color="#505050",
+        ztitle="", show_zlabels=False, n_xlabels=numbers[0], n_ylabels=numbers[1],
+        fmt="%.0f", font_size=11, location="outer", color=GREY,
     )  # fmt: skip
     axes.SetAxisLabels(1, pv.convert_array(np.array(["", *axes.y_labels[1:]])))  # x has that corner
+    axes.SetZAxisVisibility(False)
+
+    # the upright edge of the box that is outermost in the picture
+    right = np.cross(UP, eye)
+    right /= np.linalg.norm(right)
+    outward = -right if on_left else right
+    corners = np.array([[x, y] for x in grid.bounds[:2] for y in grid.bounds[2:4]])
+    foot = corners[np.argmax(corners @ outward[:2])]
+    heights = np.linspace(*grid.bounds[4:], numbers[2] if on_left else 2)
+    edge = np.column_stack([np.tile(foot, (len(heights), 1)), heights])
+    ticks = edge + TICK * grid.length * outward
+    plotter.add_lines(edge[[0, -1]], color=GREY, width=1)
+    for start, end in zip(edge, ticks, strict=True):
+        plotter.add_lines(np.array([start, end]), color=GREY, width=1)
+    texts = [f"{1e3 * z:.4g}" for z in np.round(heights, 6) + 0.0]
+    if sides[2] < FLAT * grid.length:  # no room for two lines of text
+        ticks, texts = ticks[-1:], [f"z = {texts[0]} to {texts[-1]} mm"]
+    else:
+        texts[-1] = f"z = {texts[-1]} mm"
+    plotter.add_point_labels(
+        ticks, [_apart(text, on_left) for text in texts], font_size=18, text_color=GREY, bold=False,
+        shape=None, always_visible=True, show_points=False, justification_vertical="center",
+        justification_horizontal="right" if on_left else "left",
+    )  # fmt: skip
+
+
+def _apart(text: str, on_left: bool) -> str:
+    """The text with a space between it and the point that it stands on the left or right of."""
+    return f"{text} " if on_left else f" {text}"
 
 
 def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
@@ -266,8 +300,8 @@ def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
             dot = {"point_size": 11, "render_points_as_spheres": True}
             plotter.add_points(label.anchor[None], color=dark, **dot)
         plotter.add_point_labels(
-            [label.text], [name if label.seen else f"{name} (hidden)"], font_size=20,
-            text_color=dark, shape=None, always_visible=True, show_points=False,
+            [label.text], [_apart(name if label.seen else f"{name} (hidden)", label.left)],
+            font_size=20, text_color=dark, shape=None, always_visible=True, show_points=False,
             justification_vertical="center",
             justification_horizontal="right" if label.left else "left",
         )  # fmt: skip
@@ -285,11 +319,13 @@ def assembly(grid: pv.DataSet, fixtures: Fixtures, path: Path) -> None:
         size = 0.3, 0.033 * len(legend)
         plotter.add_legend(legend, bcolor=None, face="rectangle", loc="upper left", size=size)
 
-    dimensions(plotter, grid)
+    # heights across from the names
+    names_on_left = any(label.left for label in labels)
+    dimensions(plotter, grid, eye, not names_on_left)
     seen_from(plotter, eye)
 
-    # of the view's width, what the z axis or names take on the left, and names on the right
-    beside = {True: 0.08, False: 0.04}
+    # of the view's width, what the z axis or names take on either side
+    beside = {names_on_left: 0.04, not names_on_left: 0.08}
     for name, label in zip(names, labels, strict=True):
         letters = len(name) + (0 if label.seen else len(" (hidden)"))
         beside[label.left] = max(beside[label.left], LETTER_WIDTH * letters)
