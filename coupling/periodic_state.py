@@ -807,7 +807,7 @@ def shot(
         n_periods = 1
         accepted = (search.opening if impacting else search.accepted) * error
         if change > accepted or (impacting and not stays(period, state, search)):
-            state, saved, change, n_periods = marched_on(period, state, search, accepted)
+            state, saved, change, n_periods = marched_on(period, state, speed, search, accepted)
 
         # the error by the search before, if both come back after as many periods
         numbers = numbers_of(saved, speed, body)
@@ -860,25 +860,40 @@ def stays(period: Period, state: MarchState, search: PeriodicSearch) -> bool:
 
 
 def marched_on(
-    period: Period, moving: MarchState, search: PeriodicSearch, tolerance: float
+    period: Period, moving: MarchState, speed: float, search: PeriodicSearch, tolerance: float
 ) -> tuple[MarchState, SavedSpatial, float, int]:
     """The state after periods one by one, its cycle, the change from cycle to cycle, and after how
-    many periods it comes back. Raises UnstableStep where it does not."""
+    many periods it comes back. Raises UnstableStep where it does not.
+
+    The change is the largest of forces over the largest force, and of spheres along the chain over
+    `speed` [m/s] or the fastest body: of their velocities, and of their displacements times the
+    rate of the fastest contact, which is what a gap changes velocities by when it closes. Forces
+    alone call any flight without contact periodic: 5e-7 m of gap left 5 % of the velocities open.
+    """
     recent: list[SavedSpatial] = []
+    rate = period.body.rate
     for _ in range(search.most_periods):
         recent = [*recent[-2 * search.subharmonics + 1 :], period.march(moving)]
         scale = max(float(np.abs(saved.force).max()) for saved in recent) or 1.0
-        once = math.inf  # change of forces after one period
+        fastest = max(speed, *(float(np.abs(speeds_of(saved)).max()) for saved in recent)) or 1.0
+        once = math.inf  # change after one period
         for m in range(1, min(search.subharmonics, len(recent) // 2) + 1):
             pairs = [(recent[-1 - i], recent[-1 - i - m]) for i in range(m)]
-            change = max(float(np.abs(a.force - b.force).max()) for a, b in pairs) / scale
+            of_forces = max(float(np.abs(a.force - b.force).max()) for a, b in pairs) / scale
+            of_speeds = max(float(np.abs(a.v - b.v).max()) for a, b in pairs) / fastest
+            of_places = max(float(np.abs(a.x - b.x).max()) for a, b in pairs) * rate / fastest
+            change = max(of_forces, of_speeds, of_places)
             once = change if m == 1 else once
             if change <= tolerance and (m == 1 or change < 0.01 * once):
                 return moving, joined(recent[-m:]), change, m
+    still_changing = (
+        f"the force at the wall still changes by {of_forces:.1g} of its largest"
+        if of_forces > tolerance
+        else "the spheres do not come back to where they were"
+    )
     raise UnstableStep(
-        f"the shakers lead to no periodic state within {search.most_periods} periods: the force "
-        f"at the wall still changes by {change:.1g} of its largest; hold the sphere by [arm], "
-        "press it harder, or change the shakers"
+        f"the shakers lead to no periodic state within {search.most_periods} periods: "
+        f"{still_changing}; hold the sphere by [arm], press it harder, or change the shakers"
     )
 
 

@@ -24,33 +24,33 @@ ERROR = 1e-3
 def shaken_preload() -> Iterator[Trial]:
     """From no preload to 1 kN, without a shaker and at resonance, where all of it slips."""
     for load in (0.0, 0.1, 1.0, 10.0, 100.0, 1000.0):
-        yield Trial(f"{load:g} N, off", partial(_outcome, load=load, force=0.0))
-        resonant = partial(_outcome, load=load, force=2.0 * MU * max(load, 1.0))
+        yield Trial(f"{load:g} N, off", partial(outcome, load=load, force=0.0))
+        resonant = partial(outcome, load=load, force=2.0 * MU * max(load, 1.0))
         yield Trial(f"{load:g} N, resonance", resonant)
 
 
 def shaken_friction() -> Iterator[Trial]:
     """Coefficients from 0 to 2, without a shaker and at resonance."""
     for mu in (0.0, 0.01, 0.1, 0.5, 2.0):
-        yield Trial(f"{mu:g}, off", partial(_outcome, mu=mu, force=0.0))
-        yield Trial(f"{mu:g}, resonance", partial(_outcome, mu=mu, force=20.0))
+        yield Trial(f"{mu:g}, off", partial(outcome, mu=mu, force=0.0))
+        yield Trial(f"{mu:g}, resonance", partial(outcome, mu=mu, force=20.0))
 
 
 def shaken_separation() -> Iterator[Trial]:
     """Shakers that move the wall along its normal too, until the contact opens within a cycle."""
     for force in (10.0, 30.0, 100.0, 300.0, 1000.0):
-        run = partial(_outcome, load=10.0, force=force, frequency=700.0, normal=1.0)
+        run = partial(outcome, load=10.0, force=force, frequency=700.0, normal=1.0)
         yield Trial(f"{force:g} N", run)
 
 
 def shaken_phase() -> Iterator[Trial]:
     """Phases all round as the striker arrives, between stick and slip all over."""
     for phase in range(0, 360, 45):
-        run = partial(_outcome, force=8.0, phase=float(phase))
+        run = partial(outcome, force=8.0, phase=float(phase))
         yield Trial(f"{phase} deg", run)
 
 
-def _outcome(
+def outcome(
     *,
     mu: float = MU,
     load: float = LOAD,
