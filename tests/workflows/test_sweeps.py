@@ -167,6 +167,8 @@ def test_a_table_is_read_as_it_stands(tmp_path):
         ((), None, "needs keys to vary"),
         (("striker.velocity=300,400",), None, "all 2 cases are refused"),
         (("striker.velocity",), None, "is not key=values"),
+        (("striker.velocity=6,",), None, "has an empty value"),
+        (("striker.velocity=1,,2",), None, "has an empty value"),
         (("striker.velocity=1:2",), None, "start:stop:n"),
         (("striker.velocity=1:2:1",), None, "has one value"),
         (("striker.velocity=1:2:0",), None, "must be a number of values"),

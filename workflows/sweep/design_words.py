@@ -1,6 +1,7 @@
 """Designs of a sweep from text: grids, lists, samples and tables of values for keys of a scene."""
 
 import csv
+import re
 from collections.abc import Callable, Iterable
 from itertools import combinations, product
 from math import isfinite, isinf, prod
@@ -34,6 +35,8 @@ def grid(over: Iterable[str], number: Number) -> Design:
         key, values = _split(text, FORMS)
         fields = values.split(":")
         if len(fields) == 1:
+            if re.search(r"^,|,\s*,|,$", values):
+                raise InvalidScene(f"--over {text} has an empty value; write key=a,b,c.")
             # a text that is a number with a unit by its key is that number, as in a range
             meant = [_with_unit(key, value, number) for value in _list_values(values)]
             axes.append(Axis(key, tuple(meant)))
