@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import null_space
-from scipy.sparse import block_diag, csr_array, diags_array, vstack
+from scipy.sparse import block_diag, coo_array, csr_array, diags_array, vstack
+from scipy.sparse.csgraph import connected_components
 
 from beadwave.fem.assembly.elasticity import Structure
 from beadwave.fem.assembly.grounding import motions_about
@@ -34,8 +35,8 @@ def loose_bodies(
     free: float = 1e-6,
     moving: float = 0.05,
 ) -> list[Loose]:
-    """Bodies that can move rigidly, and how; of an assembly that nothing holds at all only those
-    that move relative to the others.
+    """Bodies that can move rigidly, and how, those of the lightest group of joined bodies first; of
+    an assembly that nothing holds at all only those that move relative to the others.
 
     A motion counts as free if its singular value of E is below `free` times the largest one; a body
     counts as at rest if it moves less than `moving` times the largest motion of the mechanism.
@@ -83,8 +84,17 @@ def loose_bodies(
         U, s, _ = np.linalg.svd(Z - common @ (common.T @ Z), full_matrices=False)
         Z = U[:, s > 0.5]
 
+    # groups of bodies that constraints, springs and joints join
+    n_bodies = len(structure.basis)
+    owner = np.append(np.repeat(np.arange(n_bodies), 6), n_bodies + np.arange(len(others)))
+    of_owner = coo_array((np.ones(len(owner)), (np.arange(len(owner)), owner))).tocsr()
+    _, group = connected_components(of_owner.T @ abs(of_all.T @ of_all) @ of_owner)
+    mass = [structure.M[dofs][:, dofs].sum() for dofs in map(structure.dofs, structure.basis)]
+    of_group = np.bincount(group[:n_bodies], mass)[group[:n_bodies]]
+
     loose = []
-    for i, body in enumerate(structure.basis):
+    for i in np.argsort(of_group, kind="stable"):
+        body = list(structure.basis)[i]
         moved = np.linalg.norm(Z[6 * i : 6 * i + 6], axis=1) if Z.size else np.zeros(6)
         directions = tuple(MOTIONS[j] for j in np.flatnonzero(moved > moving))
         if directions:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
+from skfem.quadrature import get_quadrature
 
 from beadwave.fem.assembly.chord_height import area_vectors
 from beadwave.fem.assembly.elasticity import Structure
@@ -121,9 +122,11 @@ def face_quadrature(
     straight facets of a face; the weights sum to its area. Raises ValueError as `face_nodes`."""
     body, facets = structure.facets(face)
     mesh = structure.basis[body].mesh
-    basis = FacetBasis(mesh, mesh.elem(), facets=facets, intorder=order)
-    points = basis.mapping.G(basis.X, find=basis.find)
-    return points.reshape(3, -1).T, basis.dx.ravel()
+    # a FacetBasis would invert the mapping of each element, which fails in very skew ones
+    X, W = get_quadrature(mesh.brefdom, order)
+    mapping = mesh.mapping()
+    dx = np.abs(mapping.detDG(X, find=facets)) * W
+    return mapping.G(X, find=facets).reshape(3, -1).T, dx.ravel()
 
 
 class LocatedPoints(NamedTuple):

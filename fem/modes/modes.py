@@ -75,8 +75,8 @@ def modes(
     With the factor of a K that is held (see `held`) nothing is factorised. Without one the shift
     lies at -(2 pi shift_hz)^2, below the lowest elastic frequency: K itself may be singular. Rigid
     motions, which would drown the elastic modes of a stiff part, are then found first and kept out
-    of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual, and
-    where K - sigma M is singular.
+    of the rest. Raises ValueError when the modes are not M-orthonormal or leave a residual, where
+    K - sigma M is singular, and where K is indefinite, as under a load that buckles.
     """
     n, sigma, R = K.shape[0], 0.0, np.empty((K.shape[0], 0))
     if factor is None:
@@ -87,7 +87,7 @@ def modes(
         rng, rounding = np.random.default_rng(1), _rounded_zero(K, M, EIGENVALUE_ROUNDING)
         while R.shape[1] < n_modes:
             x = _lowest(R, M, factor, rng, N_INVERSE_ITERATIONS)
-            if x @ (K @ x) > rounding:
+            if abs(x @ (K @ x)) > rounding:
                 break
             R = np.column_stack([R, x])
 
@@ -108,6 +108,12 @@ def modes(
         eigenvalues, Q = eigh(V.T @ (K @ V), V.T @ (M @ V))
         phi = V @ Q
     order = np.argsort(eigenvalues)
+    lowest = eigenvalues[order[0]]
+    if lowest < -((2 * np.pi * shift_hz) ** 2):
+        raise ValueError(
+            f"the static loads buckle the structure: a motion grows at {np.sqrt(-lowest):.3g} 1/s; "
+            "reduce forces and preloads, or take thicker bodies."
+        )
     solution = Modes(np.sqrt(np.maximum(eigenvalues[order], 0.0)), phi[:, order])
     require_accurate(solution, K, M, sigma)
     return solution

@@ -4,10 +4,12 @@
 meshes.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from beadwave.geometry.cad.solids import SAME, Body
 from beadwave.geometry.errors import InvalidGeometry
@@ -108,6 +110,16 @@ class Neighbours(NamedTuple):
             (name for name, tag in faces for p in points if bodies[name].distance(p, tag) <= gap),
             None,
         )
+
+
+def joined_groups(names: Iterable[str], pairs: Iterable[tuple[str, str]]) -> list[list[str]]:
+    """The names in groups that pairs join, in their order."""
+    names = list(names)
+    number = {name: i for i, name in enumerate(names)}
+    i, j = np.array([(number[a], number[b]) for a, b in pairs], np.int64).reshape(-1, 2).T
+    joined = csr_array((np.ones(len(i)), (i, j)), shape=(len(names), len(names)))
+    n, group = connected_components(joined, directed=False)
+    return [[name for name, g in zip(names, group, strict=True) if g == k] for k in range(n)]
 
 
 def require_apart(neighbours: Neighbours) -> None:

@@ -186,6 +186,14 @@ def test_a_stiff_pair_of_blocks_sways_with_its_table_at_the_table_s_frequency(st
     np.testing.assert_allclose(swaying, frequencies(held), rtol=1e-4)
 
 
+def test_a_load_that_buckles_is_refused_with_what_to_do():
+    """A third oscillator whose stiffness the load has made negative."""
+    K = csc_matrix(np.diag((2 * np.pi * np.arange(1.0, 41.0)) ** 2))
+    K[2, 2] *= -4.0
+    with pytest.raises(ValueError, match=r"buckle the structure: a motion grows at 37\.7 1/s"):
+        modes(K, csc_matrix(np.eye(40)), 4)
+
+
 def test_a_mode_that_rounding_has_turned_is_refused_with_what_to_do():
     """Two modes of 1 and 9 Hz turned into one another by 0.1 rad: K phi is off by tenths."""
     K = csc_matrix(np.diag((2 * np.pi * np.array([1.0, 9.0])) ** 2))

@@ -475,6 +475,36 @@ def test_the_starter_of_a_ball_floats(capsys):
     assert start.strike.at == (0.0, 0.0, 0.02)
 
 
+def test_a_starter_holds_each_group_of_bodies_that_touches_no_other(capsys):
+    """A ball on a plate meets it in a point: its scene runs, and without the hold it is refused
+    with what helps. Of bodies 0.2 mm apart a wider gap does."""
+    with session(), silent():
+        occ = gmsh.model.occ
+        occ.addBox(-0.02, -0.02, 0, 0.04, 0.04, 0.01)
+        occ.addSphere(0, 0, 0.02, 0.01)
+        occ.addBox(0.0202, -0.02, 0, 0.04, 0.04, 0.02)
+        occ.synchronize()
+        gmsh.write("apart.step")
+    assert beadwave("look", "apart.step", "--scene=start.toml", "-q") == 0
+    plate, ball, block = scene("start.toml").assembly.held
+    assert (plate, block) == ("body-1:-z", "body-3:-z") and ball.startswith("body-2@")
+    assert pipeline_of(scene("start.toml"), lambda name: nullcontext())("model").K.shape[0] > 0
+
+    for held, loose, advice in (
+        (
+            [plate, block],
+            "body-2",
+            r'lies on another body, or hold it\. "body-1" and "body-2" meet',
+        ),
+        ([plate, ball], "body-3", r"hold it, or raise assembly\.gap above 0\.2 mm\. "),
+        ([], "body-2", r"lies on another body, or hold it\."),
+    ):
+        with pytest.raises(InvalidScene, match=f'"{loose}" touches no other .*{advice}'):
+            pipeline_of(
+                scene("start.toml").but(assembly={"held": tuple(held)}), lambda name: nullcontext()
+            )("mesh")
+
+
 def refused(capsys, text, *more):
     """What a scene of this text is refused with, in status 2."""
     assert beadwave("modes", written(text), *more) == 2

@@ -1,6 +1,7 @@
 """Joints that are known from their drawing: scenes, refusals, tables, limits, tuning."""
 
 import json
+import re
 from contextlib import nullcontext
 
 import meshio
@@ -17,6 +18,8 @@ from beadwave.workflows.scene.toml import resolved, toml
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.structure import assembly
+from beadwave.workflows.sweep.cases import base_of, largest_utilisations
+from beadwave.workflows.sweep.core.design import Design
 
 from command_line import beadwave
 
@@ -82,6 +85,30 @@ def test_a_bolt_that_contradicts_itself_is_refused_in_a_sentence(joint, sentence
     with pytest.raises(InvalidScene, match=sentence) as refused:
         resolved(tables, "plates.toml")
     assert str(refused.value).count(". ") == 0
+
+
+@pytest.mark.parametrize(
+    ("joint", "sentence"),
+    [
+        ({"preload": "10 MN"}, r"preload = 1e\+07 N is 471 times the proof load .* take 19\.1 kN"),
+        ({"torque": 200.0}, r"torque = 200 N m, a preload of 125 kN, is 5\.89 times .* 30\.6 N m"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["look", "modes", "run"])
+def test_a_preload_that_breaks_the_bolt_is_refused_before_any_mesh(
+    verb, joint, sentence, tmp_path, capsys, monkeypatch
+):
+    """In one sentence and with status 2; 94 % of the proof load, and 2.4 times it, are not."""
+    monkeypatch.chdir(tmp_path)
+    ((key, value),) = joint.items()
+    text = toml(resolved(plates(), "plates.toml"))
+    text = text.replace("preload = 12000.0", f"{key} = {json.dumps(value)}")
+    (tmp_path / "plates.toml").write_text(text)
+    assert beadwave(verb, "plates.toml", "-q") == 2
+    message = " ".join(capsys.readouterr().err.split())
+    assert re.search(sentence, message) and message.count(". ") == 0
+    for preload in (20e3, 2.39 * 21.23e3):
+        assert resolved(plates({"preload": preload}), "plates.toml").utilisations["lap"] > 0.9
 
 
 def test_a_bolt_thicker_than_its_hole_is_refused():
@@ -155,6 +182,18 @@ def test_a_stack_has_one_grip_and_a_joint_at_each_pair_of_faces():
     tables["joints"][0]["stack"] = ["right", "left", "lid"]
     with pytest.raises(InvalidScene, match=r"stack|touch"):
         places(tables)
+
+
+def test_thin_plates_keep_their_zone_as_half_of_its_rim_opens():
+    """The zone is one facet wide: the bounds have frequencies, and so has the spread."""
+    tables = plates({"bolt": "M16-12.9", "preload": 1e5, "model": "contact"})
+    for body in tables["bodies"].values():
+        body["plate"] = {"outline": SQUARE, "thickness": 0.002}
+        body["holes"] = {"diameter": 0.017, "at": [[0.02, 0.02]]}
+    tables["bodies"]["right"]["at"] = [0.0, 0.0, 0.002]
+    first = modes(tables).table.rows[6]
+    assert 0 < first.deviation_hz < 0.1 * first.frequency_hz
+    assert first.frictionless_hz < first.frequency_hz < first.tied_hz
 
 
 def test_masses_of_bolt_nut_and_washer_go_into_the_model():
@@ -313,12 +352,38 @@ def test_the_model_about_the_pressed_state_is_a_stiffness_and_a_mass_like_any_ot
     np.testing.assert_allclose(np.sqrt(np.sort(omega2)) / (2 * np.pi), hz, rtol=1e-6)
 
 
-def test_a_body_that_lies_loose_on_others_is_refused():
+@pytest.mark.parametrize("side", [-0.005, 0.02])
+@pytest.mark.parametrize("held", [(), ("left:-x",)])
+def test_a_body_that_lies_loose_on_others_is_refused_by_its_name(side, held):
     tables = plates({"model": "contact"})
+    tables["assembly"]["held"] = list(held)
     plate = {"outline": SQUARE, "thickness": 0.005}
-    tables["bodies"]["lid"] = {"plate": plate, "at": [0.0, 0.0, 0.02]}
-    with pytest.raises(InvalidScene, match="can still move"):
+    tables["bodies"]["lid"] = {"plate": plate, "at": [0.0, 0.0, side]}
+    with pytest.raises(InvalidScene, match='"lid" can still move') as refused:
         modes(tables)
+    assert ("assembly.held = []" in str(refused.value)) == bool(held)
+
+
+@pytest.mark.parametrize("dry", [(), ("--dry-run",)])
+def test_a_sweep_says_which_bolts_are_overloaded(dry, table, tmp_path, monkeypatch, capsys):
+    """Of the worst case that is not refused, of every joint; nothing of bolts that bear it."""
+    monkeypatch.chdir(tmp_path)
+    of_sweep = ("sweep", str(table), "--set", "mesh.scale=3", *dry)
+    assert beadwave(*of_sweep, "--over", "joints.lap.preload=1e4,24e3,9e4", "--out", "first") == 0
+    shown = capsys.readouterr()
+    text = " ".join((shown.out + shown.err).split())
+    assert text.count("joints.lap: the preload is 113 % of the bolt's proof load") == 1
+    assert "joints.lap.preload = 90000 N is 4.24 times the proof load" in text
+    assert beadwave(*of_sweep, "--over", "joints.lap.friction=0.1,0.2", "--out", "second") == 0
+    shown = capsys.readouterr()
+    assert "proof load" not in shown.out + shown.err
+
+
+def test_the_largest_utilisation_of_a_sweep_is_that_of_its_worst_case(table):
+    base = base_of(table, ())
+    of_bolts = {"joints.lap.bolt": ("M8-8.8", "M8-12.9"), "joints.lap.torque": (30.0, 40.0)}
+    share = largest_utilisations(base, Design("table", of_bolts))["lap"]
+    assert share == pytest.approx(30.0 / (0.2 * 0.008) / 21.23e3, rel=1e-3)
 
 
 @pytest.mark.slow

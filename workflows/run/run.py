@@ -284,6 +284,7 @@ def summary_of(
                 sentences += warnings.mesh_above_asked(numbers["mesh"])
         numbers |= of_structure.numbers
         sentences += of_structure.warnings
+        sentences += warnings.overloaded_bolts(scene.utilisations)
         if in_contact(scene):
             numbers["contact"] = tuple(pipeline("contact-numbers"))
         if scene.measured:

@@ -31,6 +31,11 @@ class NamedBolt(NamedTuple):
     length_step: float  # [m] of the lengths that are sold
     thread: tuple[float, float, float]  # [m] length of the thread; up to which length; beyond it
 
+    @property
+    def proof_load(self) -> float:
+        """[N] up to which it keeps its length."""
+        return self.proof_stress * self.stress_area
+
 
 # mm: coarse pitch, across flats, height of head and of nut, outer diameter and thickness of washer
 METRIC = {

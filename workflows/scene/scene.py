@@ -190,6 +190,11 @@ class Scene(SceneTable):
         """The joints by name."""
         return {joint.name: joint for joint in self.joints or ()}
 
+    @property
+    def utilisations(self) -> dict[str, float]:
+        """Preload over proof load of the bolts of each joint that has any."""
+        return {n: joint.utilisation for n, joint in self.bushings.items() if joint.bolt}
+
     def with_joints(self, value: Mapping[str, float]) -> Self:
         """A copy with these stiffnesses and dashpots, "NAME.kz", which are not checked."""
         joints = self.bushings

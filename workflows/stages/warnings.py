@@ -21,6 +21,7 @@ import numpy as np
 from beadwave.workflows.files.cache_folder import cache_folder
 from beadwave.workflows.report.number_format import percent, si
 from beadwave.workflows.scene import DashpotWall, RomWall, Scene
+from beadwave.workflows.scene.tables.bolts import ADVISED_UTILISATION
 from beadwave.workflows.stages.engine.cache import fault
 
 if (
@@ -47,7 +48,6 @@ LARGE_MODEL_ERROR = 0.1  # error of the velocities over the striker's speed
 # wavenumber times thickness k h, up to which Zener's thin plate absorbs the energy of a solid
 # one within a tenth (`examples/gallery/wall_thickness.py`)
 SLENDER_KH = 0.65
-LARGE_UTILISATION = 0.9  # preload over proof load, of permanent joints; Shigley (2015), eq. 8-31
 LOW_QUALITY = 0.7  # of a wave: below it, time and peak are those of overlapping waves
 PRESSED_ENERGY = 0.05  # elastic energy when the record ends, over the striker's
 # energy of the force at the wall above the band of a measured response, of the whole
@@ -182,11 +182,11 @@ def unheld_motions(numbers: Sequence[int]) -> Iterator[str]:
 def overloaded_bolts(used: Mapping[str, float]) -> Iterator[str]:
     """Bolts, by joint, whose preload is near what they bear: the share of their proof load."""
     for joint, share in used.items():
-        if share > LARGE_UTILISATION:
+        if share > ADVISED_UTILISATION:
             yield (
                 f"joints.{joint}: the preload is {100 * share:.0f} % of the bolt's proof load, "
                 "which it bears without a lasting strain; advised are "
-                f"{100 * LARGE_UTILISATION:g} % at most: tighten it less, or take a stronger one."
+                f"{100 * ADVISED_UTILISATION:g} % at most: tighten it less, or take a stronger one."
             )
 
 

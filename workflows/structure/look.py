@@ -267,7 +267,7 @@ def look(
     ]
     bolted = parts.bolted if parts else tuple(chosen.bolted.values()) if chosen else ()
     joints = joint_rows(bolted)
-    overloaded = [*overloaded_bolts({row.name: row.utilisation for row in joints})]
+    overloaded = [*overloaded_bolts(scene.utilisations)]
     dofs = int(3 * sum(nodes.values()))
     chosen, large = [], []
     if not counted and whole:

@@ -178,7 +178,7 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
         of_mode = pipeline("backbones")
         at_amplitudes = amplitude_rows(of_mode)
         sentences += slip_sentences(pipeline("model").contact, of_mode)
-    sentences += warnings.overloaded_bolts({row.name: row.utilisation for row in joints})
+    sentences += warnings.overloaded_bolts(scene.utilisations)
     if scene.bending is None and (scene.floats or scene.springs):
         rigid = np.flatnonzero(~strained(pipeline("model"), modes)) + 1
         sentences += warnings.rigid_motions(rigid.tolist())

@@ -3,7 +3,7 @@ strikes."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from itertools import islice, product
+from itertools import chain, islice, product
 from json import dumps
 from os.path import relpath
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.fem.contact.impact_point import MAX_PATCH_SHARE, spanning
+from beadwave.geometry.cad.contacts import joined_groups
 from beadwave.geometry.cad.holes import concentric
 from beadwave.geometry.cad.selectors import faces as selected
 from beadwave.geometry.cad.solids import ALIGNED, Body, Face
@@ -40,9 +41,10 @@ class StartStrike(NamedTuple):
 
 def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
     """TOML that runs: the chain strikes the highest bare plane face, if possible one that looks up,
-    else a round one; held is the lowest plane face that looks down, else the one opposite. Pairs
-    whose holes, off each other by up to `gap` [m], take bolts have them as a comment. None where
-    no face has room for a patch."""
+    else a round one; held is the lowest plane face that looks down, else the one opposite, and so
+    one of each group of bodies that touches none of the others. Pairs whose holes, off each other
+    by up to `gap` [m], take bolts have them as a comment. None where no face has room for a patch.
+    """
     strike = next(_strikes(geometry), None)
     if strike is None:
         return None
@@ -62,17 +64,29 @@ def starter(geometry: Drawing, source: Path, gap: float) -> str | None:
     ]  # fmt: skip
     supports.sort(key=lambda support: support[0])
 
-    # the first of them that a selector picks alone
-    words_of = (
-        _word(geometry.bodies, body, face, point)
-        for _, body, face in supports
-        for _, point in islice(_places(body, face, 0.0), 1)
-    )
-    held = next((word for word in words_of if word), None)
+    # of each group of bodies that touch the first of them that a selector picks alone, else a
+    # round face
+    touching = [touch.bodies for touch in geometry.near.touching]
+    groups, held = joined_groups(geometry.bodies, touching), []
+    for group in groups:
+        planes = (
+            (body, face, point)
+            for _, body, face in supports
+            if body.name in group
+            for _, point in islice(_places(body, face, 0.0), 1)
+        )
+        rounds = (
+            (body, face, point)
+            for body, face, point, _ in _rounds(geometry)
+            if body.name in group and len(groups) > 1
+        )
+        words_of = (_word(geometry.bodies, *place) for place in chain(planes, rounds))
+        held += islice(filter(None, words_of), 1)
     return STARTER.format(
         name=source.stem.replace(" ", "-"),
         source=source.absolute().as_posix(),
-        held=dumps([held] if held else []),
+        held=dumps(held),
+        apart=APART if len(groups) > 1 else "",
         floats="" if held else FLOATS,
         bolts="".join(
             BOLTS.format(
@@ -149,14 +163,30 @@ def _places(
 
 def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
     """Places on outer cylinders and spheres, half-way along them and as high as they are bare."""
+    struck = set()
+    for body, face, point, outward in _rounds(geometry):
+        radius = min(PATCH, float(f"{0.9 * MAX_PATCH_SHARE * face.radius:.2g}"))
+        # on a cylinder or a sphere at least 0.5 mm, a tenth of its radius at most
+        if radius < 0.5e-3 or face.tag in struck:
+            continue
+        points = around(point, outward, radius)
+        if geometry.near.over(body.name, points, geometry.bodies, radius):
+            continue
+        struck.add(face.tag)
+        if word := _word(geometry.bodies, body, face, point):
+            at = (point.round(6) + 0.0).tolist()
+            yield StartStrike(face, word, at, radius, outward)
+
+
+def _rounds(
+    geometry: Drawing,
+) -> Iterator[tuple[Body, Face, NDArray[np.float64], NDArray[np.float64]]]:
+    """Outer cylinders and spheres with points (3,) [m] on them, half-way along, and the normals
+    (3,) there, the highest point of each face first."""
     n_round = 16  # directions about an axis or a centre in which a round face is tried
     for body in geometry.bodies.values():
         rounds = [f for f in body.faces if f.kind in ("cylinder", "sphere") and not f.hollow]
         for face in sorted(rounds, key=lambda face: -face.area):
-            radius = min(PATCH, float(f"{0.9 * MAX_PATCH_SHARE * face.radius:.2g}"))
-            # on a cylinder or a sphere at least 0.5 mm, a tenth of its radius at most
-            if radius < 0.5e-3:
-                continue
             axis = np.eye(3)[1] if face.axis is None else face.axis
             middle = face.on_axis
             if face.axis is not None:
@@ -167,15 +197,8 @@ def _on_rounds(geometry: Drawing) -> Iterator[StartStrike]:
             outwards = np.column_stack([np.cos(angles), np.sin(angles)]) @ spanning(axis)
             for outward in outwards[np.argsort(-outwards[:, 2].round(9), kind="stable")]:
                 point = middle + face.radius * outward
-                if body.distance(point, face.tag) > 1e-9:
-                    continue
-                points = around(point, outward, radius)
-                if geometry.near.over(body.name, points, geometry.bodies, radius):
-                    continue
-                if word := _word(geometry.bodies, body, face, point):
-                    at = (point.round(6) + 0.0).tolist()
-                    yield StartStrike(face, word, at, radius, outward)
-                break
+                if body.distance(point, face.tag) < 1e-9:
+                    yield body, face, point, outward
 
 
 def _word(bodies: Mapping[str, Body], body: Body, face: Face, point: np.ndarray) -> str | None:
@@ -206,6 +229,7 @@ def write_starter(file: OutputFile, text: str | None, source: Path) -> None:
         path.write_text(text, encoding="utf-8", newline="\n")
 
 
+APART = "  # each of a group that touches no other"
 FLOATS = 'reduction = { kind = "free-modes" }  # of a structure that nothing holds\n'
 BOLTS = """
 # {n} hole{s} through both {of}: bolts in place of the tie
@@ -227,7 +251,7 @@ output = {{ spheres = [1, 5] }}
 [assembly]
 step = "{source}"
 touching = "tied"              # pairs that no [[ties]] or [[joints]] names: "tied", "free", "ask"
-held = {held}
+held = {held}{apart}
 material = "steel"
 
 [materials.steel]

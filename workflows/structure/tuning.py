@@ -42,6 +42,7 @@ from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen
 from beadwave.workflows.stages.errors.mesh_causes import FINEST_SCALE, Cause, refinement, size_for
 from beadwave.workflows.stages.structure.targets import remarks_on_axes
 from beadwave.workflows.stages.warnings import mesh_above_asked as above_asked
+from beadwave.workflows.stages.warnings import overloaded_bolts
 from beadwave.workflows.structure.parameters import (
     FACTORS,
     at_values,
@@ -363,6 +364,7 @@ def _tuned_on(
             *worth_of_the_bars(errors, scatter, spare),
             *worth_of_the_mesh(scene, match, report_hz, mesh_percent, causes),
             *(() if of_mesh is None else above_asked(of_mesh)),
+            *overloaded_bolts(scene.utilisations),
         ],
     )
     return result, report

@@ -83,7 +83,7 @@ def sweep(
     require_libraries(signals)
     base = base_of(scene, changes)
     described = _cases(over, sample, cases, seed, again)
-    design, notes_on_changes = _design(base, described, signals)
+    design, notes_on_design = _design(base, described, signals)
 
     # where: a folder that belongs to these cases of this scene
     scene_swept = base.with_values({})
@@ -99,7 +99,7 @@ def sweep(
 
         engine_or_none = cluster(on)
     with folder.run(text, FILES) as folder, engine_or_none as engine:
-        notes += notes_on_changes + compute(
+        notes += notes_on_design + compute(
             base, design, folder, engine, signals=signals, progress=told, again=described.again
         )
         _draw(folder, design)
@@ -186,11 +186,11 @@ def sweep_price(
     from beadwave.workflows.sweep.cost_estimate import price
 
     base = base_of(scene, changes)
-    design, _ = _design(base, _cases(over, sample, cases, seed), signals=False)
+    design, notes = _design(base, _cases(over, sample, cases, seed), signals=False)
     require_processes(processes or 1)
     expected = price(base, design, processes or 1)
     _require_sound_case(design, expected.refused, expected.notes)
-    return expected
+    return expected._replace(notes=expected.notes + notes)
 
 
 def load_sweep(folder: str | Path) -> Sweep:
@@ -216,9 +216,11 @@ def _cases(
 
 
 def _design(base: Base, cases: Cases, signals: bool) -> tuple[Design, tuple[str, ...]]:
-    """The design that the cases describe, and notes on changes to keys that it varies; raises
-    InvalidScene where the base cannot take its keys."""
+    """The design that the cases describe, and notes on changes to keys that it varies and on bolts
+    that are overloaded in a case; raises InvalidScene where the base cannot take its keys."""
+    from beadwave.workflows.stages.warnings import overloaded_bolts
     from beadwave.workflows.sweep import design_words as designs
+    from beadwave.workflows.sweep.cases import largest_utilisations
     from beadwave.workflows.sweep.sweep import require_keys
 
     # values of a mapping as `--over` takes them; a text, start:stop:n for instance, as it is
@@ -245,4 +247,5 @@ def _design(base: Base, cases: Cases, signals: bool) -> tuple[Design, tuple[str,
     else:
         design = designs.grid(texts, base.number)
     require_keys(base, design, signals)
-    return design, designs.require_free(design, base.given)
+    overloaded = tuple(overloaded_bolts(largest_utilisations(base, design)))
+    return design, designs.require_free(design, base.given) + overloaded

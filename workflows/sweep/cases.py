@@ -1,6 +1,7 @@
 """Cases of a sweep in groups that share a wall, and whether their chains march side by side."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 from beadwave.workflows.files.scene import Changes, Source, Written, completed, each, written
 from beadwave.workflows.scene import HalfSpaceWall, InvalidScene, OneDofWall, Scene
 from beadwave.workflows.scene.required_parts import with_chains_or_structure
+from beadwave.workflows.scene.tables.bolts import BREAKING_UTILISATION
 from beadwave.workflows.scene.toml import changed, keys_set
 from beadwave.workflows.stages.chain.chain import TOGETHER
 from beadwave.workflows.sweep.core.case_row import Watched
@@ -111,6 +113,27 @@ def groups(base: Base, design: Design, missing: Sequence[int]) -> Iterator[Group
         if len(cases) < design.n_cases:
             columns = {key: tuple(column[i] for i in cases) for key, column in columns.items()}
         yield Group(shared, columns, tuple(cases))
+
+
+def largest_utilisations(base: Base, design: Design) -> dict[str, float]:
+    """Preload over proof load of the bolts of each joint, the largest of all cases that are not
+    refused for it."""
+    largest = {}
+    for name, joint in base.with_values({}).bushings.items():
+        keys = {key: f"joints.{name}.{key}" for key in ("bolt", "preload", "torque")}
+        columns = {key: design.columns[k] for key, k in keys.items() if k in design.columns}
+        if not (joint.bolt or "bolt" in columns):
+            continue
+        # a preload of the cases replaces the torque of the scene, and the other way round
+        other = {key: None for key in ("preload", "torque") if {"preload", "torque"} & {*columns}}
+        shares = []
+        for values in set(zip(*columns.values(), strict=True)) or [()]:
+            with suppress(ValueError, ArithmeticError, TypeError):  # such a case is refused
+                case = joint.but(**(other | dict(zip(columns, values, strict=True))))
+                shares.append(case.utilisation)
+        sound = [share for share in shares if share <= BREAKING_UTILISATION]
+        largest[name] = max(sound, default=0.0)
+    return largest
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,11 @@ from beadwave.workflows.scene.named_materials import NAMED, family
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import nearest
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, THREAD, Bolts, General
+from beadwave.workflows.scene.tables.bolts import (
+    ADVISED_UTILISATION,
+    BREAKING_UTILISATION,
+    TORQUE_FACTOR,
+)
 
 OF_BODIES = ("bodies", "materials", "ties", "strike", "loads")
 
@@ -188,6 +193,18 @@ def _bolt(joint: Bolts) -> Iterator[str]:
         yield (
             f'joints.{joint.name}.frame = "{joint.frame}" contradicts its bolt, whose springs are '
             "along and across it; drop frame."
+        )
+    if joint.utilisation > BREAKING_UTILISATION:
+        force, d = ADVISED_UTILISATION * joint.fastener.proof_load, joint.fastener.diameter
+        if joint.torque is None:
+            given, most = f"preload = {joint.preload:g} N", f"{force / 1e3:.3g} kN"
+        else:
+            given = f"torque = {joint.torque:g} N m, a preload of {joint.tension / 1e3:.3g} kN,"
+            most = f"{TORQUE_FACTOR * d * force:.3g} N m"
+        yield (
+            f"joints.{joint.name}.{given} is {joint.utilisation:.3g} times the proof load of its "
+            f"bolt {joint.bolt_name}, which would break: none bears more than "
+            f"{BREAKING_UTILISATION:g} times; take {most} at most, or a stronger bolt."
         )
 
 

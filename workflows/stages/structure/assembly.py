@@ -199,8 +199,8 @@ def _require_kept(
     if not free or fem.loose_bodies(structure, connections._replace(joints=closed)):
         raise InvalidScene(
             f"{moves}nothing keeps; tie it, bolt it, "
-            f"{'give a spring a stiffness there, ' if scene.springs else ''}or hold a face of it. "
-            "An assembly that floats says assembly.held = []."
+            f"{'give a spring a stiffness there, ' if scene.springs else ''}or hold a face of it."
+            + ("" if scene.floats else " An assembly that floats says assembly.held = [].")
         )
     all_free = len(motions) == 6 and scene.reduction.kind == "free-modes"
     if not (scene.unsupported or all_free):

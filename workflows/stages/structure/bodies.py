@@ -21,7 +21,7 @@ from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
 from beadwave.geometry.cad.selectors import FaceSelection
-from beadwave.geometry.cad.solids import Body, Vector
+from beadwave.geometry.cad.solids import SAME, Body, Vector
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
@@ -284,11 +284,16 @@ def tied_pairs(scene: Scene, layout: Drawing, selection: NamedParts) -> list[Tou
     supported |= {selection.faces[part_face(part.name)].body for part in scene.measured or ()}
     free = [name for name in layout.near.free(layout.bodies) if name not in supported]
     if len(layout.bodies) > 1 and free:
-        misses = [m.sentence for m in layout.near.misses if set(m.bodies) & set(free)]
+        # of several the smallest is meant to be joined to the others
+        loose = min(free, key=lambda name: layout.bodies[name].volume)
+        misses = [miss for miss in layout.near.misses if loose in miss.bodies]
+        # a wider gap lets faces touch that are apart, not edges and points that meet
+        apart = min((m.distance for m in misses if m.distance > SAME), default=None)
+        wider = "" if apart is None else f", or raise assembly.gap above {1e3 * apart:.4g} mm"
         raise InvalidScene(
-            f'{scene.name}: "{free[0]}" touches no other body and is not held: it keeps its six '
-            "rigid motions; move it, hold it, or raise assembly.gap = "
-            f"{scene.assembly.gap:g} m." + "".join(f" {miss}" for miss in misses)
+            f'{scene.name}: "{loose}" touches no other body and is not held: it keeps its six '
+            f"rigid motions; move it so that a face of it lies on another body, or hold it{wider}."
+            + "".join(f" {miss.sentence}" for miss in misses)
         )
     return [*tied.values(), *(unsaid if scene.assembly.touching == "tied" else ())]
 

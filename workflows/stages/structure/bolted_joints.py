@@ -17,8 +17,8 @@ from beadwave.geometry.cad.solids import ALIGNED, SAME, Body, Face, off_axis
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.tables.bodies import Bolts
 
-TORQUE_FACTOR = 0.2  # K of T = K F d: dry, unplated threads; Shigley (2015), table 8-15
-TORQUE_DEVIATION = 0.15  # of K from bolt to bolt: +-30 % are two deviations
+# of K in T = K F d from bolt to bolt: +-30 % are two deviations
+TORQUE_DEVIATION = 0.15
 CHAMFER = 0.25  # depth of a hole's chamfer over its diameter, at most
 FRICTION = 0.15  # of steel on steel, where the scene gives none: assumed
 
@@ -158,12 +158,11 @@ def bolted_places(
 
 
 def _preload(table: Bolts) -> tuple[float, float]:
-    """[N] of the bolt, and its standard deviation: F = T / (K d)."""
+    """[N] of the bolt, and its standard deviation."""
     if table.preload is not None:
-        return table.preload, 0.0
+        return table.tension, 0.0
     relative = TORQUE_DEVIATION if table.torque_deviation is None else table.torque_deviation
-    force = table.torque / (TORQUE_FACTOR * table.fastener.diameter)
-    return force, relative * force
+    return table.tension, relative * table.tension
 
 
 def _member(
@@ -210,7 +209,8 @@ def _bearing_face(
     direction (3,) away."""
     hole, length = place.holes[side]
     away = place.axis if side else -place.axis
-    outer, near = place.centre + length * away, CHAMFER * hole
+    # the face of the pair itself is no end of the hole, however thin the body
+    outer, near = place.centre + length * away, min(CHAMFER * hole, length / 2)
     at_end = [
         face
         for face in bodies[place.bodies[side]].faces

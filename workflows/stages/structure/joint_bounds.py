@@ -14,6 +14,7 @@ from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 
+MOST_OPENED = 0.5  # of the zone's area
 NORMAL = np.array([False, False, True, True, True, False])  # of fem.DIRECTIONS
 
 
@@ -62,10 +63,16 @@ def joint_bounds(scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyMod
     spread = spread_hz(model, computed, without_friction, groups)
 
     # faces in contact: half of what the frequency changes as facets at the rim of the zone open is
-    # one deviation
+    # one deviation; of a zone one facet wide the less pressed half opens, all of it would part
     hz = computed.frequency_hz
     if model.contact is not None:
-        inner = modes_in(state=np.where(rim(model.contact), OPEN, model.contact.state))
+        contact, area = model.contact, model.contact.facets.area
+        at_rim = np.flatnonzero(rim(contact))
+        at_rim = at_rim[np.argsort(contact.pressure[at_rim])]
+        opens = at_rim[np.cumsum(area[at_rim]) <= MOST_OPENED * contact.zone_area]
+        state = contact.state.copy()
+        state[opens] = OPEN
+        inner = modes_in(state=state)
         spread = np.hypot(spread, (hz - inner.frequency_hz) / 2)
 
     # discs are neither rigid nor as flexible as the face alone: half of what a model differs in
