@@ -124,6 +124,20 @@ def measured(
     return np.stack(quantities, axis=1)
 
 
+def measured_in_runs(
+    sensors: Sequence[Sensor],
+    runs: Sequence[dem.Trajectory | RowRun],
+    structure: "SensorSignals | None" = None,
+) -> NDArray[np.float64]:
+    """`measured` (k, m) of a run of each chain, at the same instants; a sensor on a sphere names
+    its chain."""
+    quantities = []
+    for sensor in sensors:
+        run = runs[sensor.chain]
+        quantities.append(measured([sensor], run.t, run.x, run.v, run.contact_force, structure))
+    return np.hstack(quantities)
+
+
 def instants(t: NDArray[np.float64], sampling: float) -> NDArray[np.float64]:
     """(k,) [s] of an instrument that takes `sampling` [Hz] from the start of a run t to its end."""
     return t[0] + np.arange(int((t[-1] - t[0]) * sampling * (1 + 1e-12)) + 1) / sampling
@@ -265,11 +279,9 @@ def sensor_record(
     (None: not rounded), with noise from `seed`, and the waves in them; `structure` is the motion
     that sensors on it read, in which no waves are named."""
     t = runs[0][0].t
-    at, quantities = instants(t, sampling), []
-    for sensor in sensors:
-        run, _ = runs[sensor.chain]
-        quantities.append(measured([sensor], t, run.x, run.v, run.contact_force, structure))
-    y = recorded(sensors, signals(sensors, t, np.hstack(quantities), at), bits, seed)
+    at = instants(t, sampling)
+    quantities = measured_in_runs(sensors, [run for run, _ in runs], structure)
+    y = recorded(sensors, signals(sensors, t, quantities, at), bits, seed)
     waves = []
     for sensor, signal in zip(sensors, y.T, strict=True):
         run, tracks = runs[sensor.chain]

@@ -14,7 +14,7 @@ from beadwave.coupling.verdict import (
     predicted_peak_force,
 )
 from beadwave.dem import Wall
-from beadwave.workflows.fit.parametric_wall import left_out_errors, selected_modes
+from beadwave.workflows.fit.parametric_wall import Layout, left_out_errors, modes_and_rest
 
 from formulas import motion as by_formulas
 from known_models import speeds, unit_chain
@@ -335,7 +335,7 @@ def test_modes_that_are_not_followed_are_one_oscillator_of_their_moments(size):
     """m_1 = sum phi^2 / omega^2 and m_2 = sum phi^2 / omega^4; rigid motion is none of them."""
     wall = Wall(np.array([0.0, 0.2, 0.5, 3.0]), np.array([0.0, 0.1, 0.4, 0.2]),
                 size * np.array([0.7, 0.3, -0.2, 0.5]), 0.3)  # fmt: skip
-    one = selected_modes(wall, np.array([3]))
+    one = modes_and_rest(wall, np.array([3])).as_wall(wall)
     share = (wall.phi[1:3] / wall.omega[1:3]) ** 2
     static = (one.phi[1] / one.omega[1]) ** 2
     assert static == pytest.approx(share.sum(), rel=1e-12)
@@ -343,17 +343,17 @@ def test_modes_that_are_not_followed_are_one_oscillator_of_their_moments(size):
     assert static / one.omega[1] ** 2 == pytest.approx(second, rel=1e-12)
     assert one.zeta[1] == pytest.approx(share @ wall.zeta[1:3] / share.sum(), rel=1e-12)
     assert (one.omega[0], one.phi[0], one.zeta[0]) == (3.0, size * 0.5, 0.2)
-    none = selected_modes(wall, np.arange(1, 4))
+    none = modes_and_rest(wall, np.arange(1, 4)).as_wall(wall)
     assert none.phi[-1] == none.zeta[-1] == 0.0 and len(none.omega) == 4 and none.omega[-1] > 0
 
 
 def test_modes_of_no_compliance_have_no_say_in_what_polynomials_miss():
     """Squares of omega, of phi, ratios, compliance of walls, and what the others say of each."""
-    values = np.tile([1.0, 1e4, 2.0, 1.0, 0.1, 0.1, 0.3], (3, 1))
+    values = np.tile([1.0, 1e4, 2.0, 1.0, 0.1, 0.1, 0, 0, 0, 0.3], (3, 1))
     said = values.copy()
     said[0, 0] *= 1.02
     said[:, 1] *= 1.5
-    result = left_out_errors(values, said, 2)
+    result = left_out_errors(values, said, Layout(2, 1))
     assert result.frequency == pytest.approx(0.01)
     exact = (2 / 1.02 + 1 / 1.5e4) / (2 + 1e-4)
     assert result.compliance == pytest.approx(1 - exact)

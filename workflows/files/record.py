@@ -33,11 +33,12 @@ class Channel(NamedTuple):
     sphere: int  # counted from 1
     quantity: str
     in_volts: bool
+    chain: str = ""  # whose sphere it is, where there are several
 
     @property
     def name(self) -> str:
         """As in the header of a file."""
-        return f"sphere {self.sphere} {self.quantity}"
+        return f"{self.chain} sphere {self.sphere} {self.quantity}".lstrip()
 
     @property
     def unit(self) -> str:

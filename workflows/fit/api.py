@@ -12,7 +12,7 @@ from beadwave.workflows.files.run_folder import Picture, RunFolder, picture_name
 from beadwave.workflows.files.scene import Changes, Source, files_read
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import InvalidScene, Scene
-from beadwave.workflows.scene.required_parts import with_chain
+from beadwave.workflows.scene.required_parts import with_chain, with_chains
 from beadwave.workflows.stages.engine.progress import Progress, quiet
 
 if TYPE_CHECKING:
@@ -237,7 +237,7 @@ def inspect(
 ) -> Inspection:
     """Numbers of the structure found from records of sensors on the chain (`beadwave inspect`).
 
-    data     records of sensors, .csv, one for each impact
+    data     records of sensors, .csv, one for each impact; of several chains a column names its own
     find     numbers to find, keys of the scene: beam.thickness,beam.young
     bounds   where they lie, as beam.thickness=8mm:12mm; default 0.7 to 1.4 of the scene's value
     each     numbers that every record has for itself, and where they start, as
@@ -260,7 +260,7 @@ def inspect(
     )
     files = [Path(file) for file in ([data] if isinstance(data, str | Path) else data)]
     base = base_of(scene, changes)
-    start = with_chain(base.with_values({}))
+    start = with_chains(base.with_values({}))
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
     with _renewed(folder, INSPECTION_FILES):
         records = with_distinct_names(tuple(recorded(file) for file in files))

@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.coupling.errors import CouplingError
-from beadwave.coupling.sensors import Sensor, measured, signals
-from beadwave.dem import Trajectory, march
+from beadwave.coupling.sensors import Sensor, measured_in_runs, signals
+from beadwave.dem import Trajectory
 from beadwave.dem.sensitivities import march_with_sensitivities
 from beadwave.workflows.fit.aligned_signals import Filter, Signals
-from beadwave.workflows.fit.marched_system import Rig
+from beadwave.workflows.fit.marched_system import ChainsRig, ChainsRun, Rig
 from beadwave.workflows.fit.parameter import UNIFORM, Parameter, directions, ends, rig_at, scales
 from beadwave.workflows.fit.sensed import require_summable, sensed, with_gains
 
@@ -236,7 +236,7 @@ def unknowns(
 class StructureForward(NamedTuple):
     """The model of an inspection; `system` takes the values (q,) that a record has."""
 
-    system: Callable[[NDArray[np.float64]], Rig]
+    system: Callable[[NDArray[np.float64]], Rig | ChainsRig]
     sensors: tuple[Sensor, ...]
     dt: float  # [s]
     within: Callable[[NDArray[np.float64], NDArray[np.float64]], Callable] | None = None
@@ -246,7 +246,9 @@ class StructureForward(NamedTuple):
         """The model with a system made for shared numbers between these ends (n_shared,) alone."""
         return self.with_system(self.within(low, high))
 
-    def with_system(self, system: Callable[[NDArray[np.float64]], Rig]) -> StructureForward:
+    def with_system(
+        self, system: Callable[[NDArray[np.float64]], Rig | ChainsRig]
+    ) -> StructureForward:
         """The model of another structure, `system` of the values (q,) of a record."""
         return self._replace(system=system)
 
@@ -258,7 +260,7 @@ class StructureForward(NamedTuple):
         self, values: NDArray[np.float64], t: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
-        return self._sensed([self._run(self.system(values), t[-1])], t)[..., 0]
+        return self._sensed([self.system(values).march(t[-1], self.dt)], t)[..., 0]
 
     def signals(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[MeasuredRecord]
@@ -311,35 +313,31 @@ class StructureForward(NamedTuple):
         step = self.difference * unknowns.scale
         return np.where(theta + step > high, -step, step)
 
-    def _runs(self, values, lengths) -> list[Trajectory | RubbingRun]:
+    def _runs(self, values, lengths) -> list[Trajectory | RubbingRun | ChainsRun]:
         """A run with each of the values (q,), as long as its length [s]."""
         systems = [self.system(v) for v in values]
+
+        def run(system: Rig | ChainsRig, length: float) -> Trajectory | RubbingRun | ChainsRun:
+            return system.march(length, self.dt)
+
         # below 10 000 steps of all runs together threads would cost more than they save
         if sum(lengths) < 10_000 * self.dt:
-            return list(map(self._run, systems, lengths))
+            return list(map(run, systems, lengths))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            return list(pool.map(self._run, systems, lengths))
-
-    def _run(self, system: Rig, duration: float) -> Trajectory | RubbingRun:
-        """A run of whole steps of dt, the last of which may end after the duration [s]."""
-        if system.across is not None:
-            from beadwave.workflows.fit.friction_fit import march_rubbing
-
-            return march_rubbing(system, duration, self.dt)
-        n = int(np.ceil(duration / self.dt))
-        return march(
-            system.chain, system.wall, system.v0, duration=n * self.dt, dt=self.dt, n_save=n
-        )
+            return list(pool.map(run, systems, lengths))
 
     def _sensed(
-        self, runs: Sequence[Trajectory | RubbingRun], at: NDArray[np.float64], order: int = 0
+        self,
+        runs: Sequence[Trajectory | RubbingRun | ChainsRun],
+        at: NDArray[np.float64],
+        order: int = 0,
     ) -> NDArray[np.float64]:
         """(k, m, len(runs)) signals of runs as long as one another at the times `at` (k,) [s], or
         their time derivatives; outside of the runs signals stand still."""
         t = runs[0].t
         quantities = [
-            measured(
-                self.sensors, t, run.x, run.v, run.contact_force, getattr(run, "structure", None)
+            measured_in_runs(
+                self.sensors, getattr(run, "rows", (run,)), getattr(run, "structure", None)
             )
             for run in runs
         ]

@@ -24,7 +24,8 @@ from beadwave.workflows.fit.plausibility import (
     trigger_of,
 )
 from beadwave.workflows.fit.reliability import SETTLED_SHIFT, InspectionAnswer
-from beadwave.workflows.fit.varied_scene import VariedScene, better_models, structure
+from beadwave.workflows.fit.varied_chains import VariedChains, varied_chains
+from beadwave.workflows.fit.varied_scene import VariedScene, structure
 from beadwave.workflows.report.number_format import supported
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.engine.progress import Progress
@@ -77,7 +78,8 @@ def inspected(
         raise InvalidScene(f"{twice} is found for all records and for --each; name it once.")
 
     box = Bounds(*ends(shared))
-    model = structure(base, keys, box, n, progress)
+    varied = varied_chains if scene.chains else structure
+    model = varied(base, keys, box, n, progress)
     with progress("inversion"):
         fit, gains, noise_known = problem(model, records, shared, per_record)
         with marched(model.scene.name):
@@ -86,7 +88,7 @@ def inspected(
         # bars hold what is known of the model's errors as well as the noise
         inversion = answer.inversion
         if not answer.no_wall:
-            better = better_models(answer.fit.forward.system, inversion.value[: len(keys)])
+            better = answer.fit.forward.system.better_models(inversion.value[: len(keys)])
             inversion = widened(answer.fit, inversion, better)
 
     # where no wall can be computed, the numbers may contradict each other: they are shown unchecked
@@ -113,7 +115,7 @@ def inspected(
 
 @usable()
 def problem(
-    model: VariedScene,
+    model: VariedScene | VariedChains,
     records: tuple[MeanRecord, ...],
     shared: tuple[Parameter, ...],
     per_record: list[list[Parameter]],

@@ -1,4 +1,4 @@
-"""The system that a fit marches: a chain, its wall and the impact."""
+"""The systems that a fit marches: a chain, its wall and the impact, or several chains."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beadwave.dem import Chain, Wall
+from beadwave.dem import Chain, Trajectory, Wall, march, space
 from beadwave.dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 
 if TYPE_CHECKING:
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from beadwave.coupling.spatial_march import ShakerForces
     from beadwave.coupling.spatial_wall import SpatialWall
     from beadwave.dem.lateral import LastSphere
+    from beadwave.workflows.fit.friction_fit import RubbingRun
 
 
 class RubbingSurface(NamedTuple):
@@ -46,3 +47,51 @@ class Rig(NamedTuple):
     def time_scale(self) -> float:
         """Time within which the stiffest contact moves [s]."""
         return STEPS_PER_TIME_SCALE * self.step
+
+    def march(self, duration: float, dt: float) -> Trajectory | RubbingRun:
+        """A run of whole steps of dt [s], the last of which may end after the duration [s]; saved
+        at each."""
+        if self.across is not None:
+            from beadwave.workflows.fit.friction_fit import march_rubbing
+
+            return march_rubbing(self, duration, dt)
+        n = int(np.ceil(duration / dt))
+        return march(self.chain, self.wall, self.v0, duration=n * dt, dt=dt, n_save=n)
+
+
+class ChainsRun(NamedTuple):
+    """A march of several chains, each as a run of its own at the times t (k,) [s]."""
+
+    t: np.ndarray
+    rows: tuple[space.RowRun, ...]
+
+
+class ChainsRig(NamedTuple):
+    """The marched system of several chains: each alone, all together, and what they strike."""
+
+    chains: tuple[tuple[Chain, np.ndarray], ...]  # each with its velocities (n,) [m/s]
+    rows: space.Rows
+    structure: space.Structure
+
+    @property
+    def step(self) -> float:
+        """Shortest of the usual steps of time [s] of each chain alone."""
+        omega, zeta, phi = self.structure.omega, self.structure.zeta, self.structure.phi
+        return min(
+            usual_step(chain, Wall(omega, zeta, phi[i]), v0)
+            for i, (chain, v0) in enumerate(self.chains)
+        )
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the stiffest contact moves [s]."""
+        return STEPS_PER_TIME_SCALE * self.step
+
+    def march(self, duration: float, dt: float) -> ChainsRun:
+        """As of one chain."""
+        n = int(np.ceil(duration / dt))
+        run = space.march(
+            self.rows.packing, self.structure, self.rows.velocity,
+            duration=n * dt, dt=dt, n_save=n,
+        )  # fmt: skip
+        return ChainsRun(run.t, space.row_runs(self.rows, self.structure, run))

@@ -3,6 +3,7 @@ writes them, in .csv, .mat and universal files (`workflows.files.record_formats`
 
     time [us], sphere 9 force [mN], sphere 9 force [mN], sphere 4 velocity [mm/s]
 
+Of several chains a column names the one, as `below sphere 4 force [N]`.
 The quantity is force, force-rate, velocity or displacement; [V] or [mV] is a voltage whose gain the
 scene's sensor says, or that nobody knows. Columns that come twice are repeats: they are laid over
 each other and averaged. A column without a quantity is what its unit measures, in volts a velocity.
@@ -46,7 +47,7 @@ from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.tables.sensors import OF_SPHERES
 from beadwave.workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
-HEADING = r"sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
+HEADING = r"(?:(\S+)\s+)?sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 
 
 @contextmanager
@@ -81,8 +82,13 @@ def recorded(path: Path) -> MeanRecord:
 
 
 def measured(path: Path) -> Record:
-    """Velocities or signals of any sensors, all repeats; raises InvalidScene."""
+    """Velocities or signals of any sensors on one chain, all repeats; raises InvalidScene."""
     t, channels, y, title = _channels(path)
+    if of_chain := next((channel for channel in channels if channel.chain), None):
+        raise InvalidScene(
+            f"{path}: {of_chain.name} is of one of several chains, the scene has one; write sphere "
+            f"{of_chain.sphere} {of_chain.quantity}."
+        )
     spheres = tuple(channel.sphere for channel in channels)
     are_velocities = all(c.quantity == "velocity" and not c.in_volts for c in channels)
     return Record(t, y, spheres, title, None if are_velocities else channels)
@@ -150,38 +156,50 @@ def _channel(name: str) -> tuple[Channel, float]:
     """The channel of a heading, as "sphere 9 force [mN]", and the factor of its unit to SI; raises
     ValueError. Without a quantity it is the first that has the unit, velocity before the others."""
     heading = fullmatch(HEADING, name)
-    if not heading or (heading[2] or "velocity") not in OF_SPHERES:
+    if not heading or (heading[3] or "velocity") not in OF_SPHERES:
         raise ValueError(
             f"a column is {name[:40]!r}, allowed is 'sphere 9 force [mN]', with its unit; the "
             f"quantity is one of {', '.join(OF_SPHERES)}"
         )
-    sphere, unit = int(heading[1]), heading[3].strip()
-    for quantity in (heading[2],) if heading[2] else ("velocity", *OF_SPHERES):
+    chain, sphere, unit = heading[1] or "", int(heading[2]), heading[4].strip()
+    for quantity in (heading[3],) if heading[3] else ("velocity", *OF_SPHERES):
         for in_volts, kind in enumerate((OF_SPHERES[quantity], VOLTAGE)):
             try:
-                return Channel(sphere, quantity, bool(in_volts)), in_si(f"1 {unit}", kind)
+                factor = in_si(f"1 {unit}", kind)
             except NoSuchQuantity:
                 continue
-    quantity = heading[2] or "velocity"
+            return Channel(sphere, quantity, bool(in_volts), chain), factor
+    quantity = heading[3] or "velocity"
     units = ", ".join((OF_SPHERES[quantity].unit, *OF_SPHERES[quantity].others, "V", "mV"))
     raise ValueError(f"the unit of sphere {sphere}'s {quantity} is {unit!r}, allowed are {units}")
 
 
 def sensor_of(scene: Scene, channel: Channel) -> tuple[Sensor, str | None]:
     """The sensor of a channel, with band and gain of the scene's sensor of that sphere and
-    quantity; and the name of its gain where nobody knows it. Raises InvalidScene for a sphere that
-    the scene does not have."""
-    if not 1 <= channel.sphere <= scene.chain.count:
+    quantity; and the name of its gain where nobody knows it. Raises InvalidScene for a chain or a
+    sphere that the scene does not have."""
+    chains = [row.name for row in scene.chains or ()]
+    if channel.chain not in (chains or [""]):
+        named = f"the scene has {', '.join(chains)}" if chains else "the scene has one chain"
         raise InvalidScene(
-            f"the data has sphere {channel.sphere}, allowed are 1 to chain.count = "
-            f"{scene.chain.count}; correct its header or the scene."
+            f"the data has {channel.name!r}, {named}; name a column's chain before its sphere, if "
+            "there are several, and correct header or scene."
         )
+    place = chains.index(channel.chain) if chains else 0
+    count = scene.chains[place].count if chains else scene.chain.count
+    if not 1 <= channel.sphere <= count:
+        key = f"chains.{channel.chain}.count" if chains else "chain.count"
+        raise InvalidScene(
+            f"the data has sphere {channel.sphere}, allowed are 1 to {key} = {count}; correct its "
+            "header or the scene."
+        )
+    wanted = channel.sphere, channel.quantity, channel.chain or None
     table = next(
         (sensor for sensor in scene.output.sensors or ()
-         if (sensor.sphere, sensor.quantity) == (channel.sphere, channel.quantity)), None,
+         if (sensor.sphere, sensor.quantity, sensor.chain) == wanted), None,
     )  # fmt: skip
     band = Band(table.low_pass, table.high_pass, table.order) if table else Band()
-    sensor = Sensor(channel.sphere - 1, channel.quantity, band=band)
+    sensor = Sensor(channel.sphere - 1, channel.quantity, band=band, chain=place)
     if not channel.in_volts:
         return sensor, None
     gain = table.gain if table else None

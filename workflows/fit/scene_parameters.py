@@ -290,7 +290,7 @@ def calibrated_scene(
 
 USUAL_BOUNDS = {SHARED: (0.7, 1.4), OWN: (0.5, 2.0)}  # factors on the scene's value
 MOST_NUMBERS = 12
-SPEED = "striker.velocity"
+SPEED = "striker.velocity"  # of a chain; of several it follows chains.NAME
 
 
 def shared(base: Base, find: str, bounds: str | None) -> tuple[Parameter, ...]:
@@ -389,8 +389,13 @@ def per_record(base: Base, each: str, n_records: int) -> list[list[Parameter]]:
 
 
 def usual_each(scene: Scene, find: str) -> str:
-    """Parameters that every record has for itself unless they are fitted for all."""
-    return SPEED if scene.striker and SPEED not in listed("--find", find) else "none"
+    """Parameters that every record has for itself unless they are fitted for all: the velocities
+    of strikers."""
+    speeds = [SPEED] if scene.striker else []
+    if scene.chains:
+        speeds = [f"chains.{row.name}.{SPEED}" for row in scene.chains if row.striker]
+    sought = listed("--find", find)
+    return ";".join(key for key in speeds if key not in sought) or "none"
 
 
 def scene_at(base: Base, keys: tuple[str, ...], values: np.ndarray) -> Scene:

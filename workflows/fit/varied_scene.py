@@ -119,7 +119,7 @@ class VariedScene(NamedTuple):
         keys = tuple(self.keys[i] for i in places)
         try:
             box = Bounds(low[places], high[places])
-            between = _wall_between(self.base, keys, box, DEGREE_BODIES)
+            between = wall_between(self.base, keys, box, DEGREE_BODIES, computed)
         except FAILURES:
             return self
         return self._replace(between=between)
@@ -133,6 +133,18 @@ class VariedScene(NamedTuple):
             raise coupling.CouplingError(str(reason)) from None
         between = self.between.through(values[list(self.of_wall)], exact)
         return self._replace(between=between)
+
+    def better_models(self, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
+        """Models of the same structure at the values (q,) of the keys that are better in one
+        respect, by the cause of the error: see `better_walls`; none of a structure in three
+        directions."""
+        if self.rubbing is not None:
+            return {}
+        try:
+            walls = better_walls(scene_at(self.base, self.keys, values))
+        except FAILURES:  # values that no scene may have: the bars name the causes that they hold
+            return {}
+        return with_systems(walls, self.behind)
 
 
 def structure(
@@ -161,18 +173,7 @@ def structure(
     if not isinstance(scene.wall, RomWall):
         return plain
 
-    # a key changes the wall where it changes the name under which the wall is cached
-    of_wall = []
-    for i, key in enumerate(keys):
-        if key.startswith("shakers.") and key.split(".")[-1] in OF_SHAKING:
-            continue
-        changed = base.with_values({key: _a_little_more(number(scene, key))})
-        if Pipeline(changed, Memory(None, verbose=0)).key("wall") != pipeline.key("wall"):
-            of_wall.append(i)
-    if any(i >= n_shared for i in of_wall):
-        raise InvalidScene(
-            f"--each {keys[of_wall[-1]]} changes the structure, which all records share; find it."
-        )
+    of_wall = keys_of_structure(base, keys, n_shared, pipeline, "wall")
     if has_friction(scene):
         if of_wall:
             raise InvalidScene(
@@ -188,8 +189,29 @@ def structure(
     with progress("walls"):
         degree = DEGREE_BODIES if scene.bending is None else DEGREE_BEAM
         wall_box = Bounds(box.low[of_wall], box.high[of_wall])
-        between = _wall_between(base, tuple(keys[i] for i in of_wall), wall_box, degree)
+        names = tuple(keys[i] for i in of_wall)
+        between = wall_between(base, names, wall_box, degree, computed)
     return plain._replace(of_wall=tuple(of_wall), between=between)
+
+
+def keys_of_structure(
+    base: Base, keys: tuple[str, ...], n_shared: int, pipeline: Pipeline, stage: str
+) -> list[int]:
+    """Places of the keys that change the structure: what the stage makes is cached under another
+    name then. Raises InvalidScene for one beyond the first n_shared, which are of all records."""
+    scene, of_structure = base.with_values({}), []
+    for i, key in enumerate(keys):
+        if key.startswith("shakers.") and key.split(".")[-1] in OF_SHAKING:
+            continue
+        changed = base.with_values({key: a_little_more(number(scene, key))})
+        if Pipeline(changed, Memory(None, verbose=0)).key(stage) != pipeline.key(stage):
+            of_structure.append(i)
+    if any(i >= n_shared for i in of_structure):
+        raise InvalidScene(
+            f"--each {keys[of_structure[-1]]} changes the structure, which all records share; "
+            "find it."
+        )
+    return of_structure
 
 
 def _rubbing(scene: Scene, wall: SpatialWall) -> RubbingSurface:
@@ -205,11 +227,8 @@ def _keyed_chains(
 ) -> KeyedChains | None:
     """None where other values of the scene follow from a key, as a velocity from a drop: a checked
     scene differs then from one in which the value is merely replaced."""
-    for key in keys:
-        value = np.array([_a_little_more(number(scene, key))])
-        checked = scene_at(base, (key,), value)
-        if put(scene, (key,), value).but(unusual=checked.unusual) != checked:
-            return None
+    if not all(stands_alone(base, scene, key) for key in keys):
+        return None
 
     # the keys that the chain depends on: it changes where their values do
     def chain(names: tuple[str, ...], *values: float) -> dem.Chain:
@@ -218,7 +237,7 @@ def _keyed_chains(
     values = [number(scene, key) for key in keys]
     usual, of_chain = chain(keys, *values), []
     for i, value in enumerate(values):
-        changed = chain(keys, *values[:i], _a_little_more(value), *values[i + 1 :])
+        changed = chain(keys, *values[:i], a_little_more(value), *values[i + 1 :])
         if not all(map(np.array_equal, usual, changed)):
             of_chain.append(i)
     names = tuple(keys[i] for i in of_chain)
@@ -226,7 +245,14 @@ def _keyed_chains(
     return KeyedChains(tuple(of_chain), lru_cache(16)(partial(chain, names)))
 
 
-def _a_little_more(value: float) -> float:
+def stands_alone(base: Base, scene: Scene, key: str) -> bool:
+    """True of a key from which no other value of the scene follows."""
+    value = np.array([a_little_more(number(scene, key))])
+    checked = scene_at(base, (key,), value)
+    return put(scene, (key,), value).but(unusual=checked.unusual) == checked
+
+
+def a_little_more(value: float) -> float:
     """A value that differs by more than rounding, and by nothing that a scene refuses."""
     return value * (1 + 1e-6) + 1e-12
 
@@ -241,14 +267,20 @@ def _with_modes(scene: Scene, wall: dem.Wall | coupling.CoupledWall) -> dem.Wall
     return wall
 
 
-def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -> ParametricWall:
+def wall_between(
+    base: Base,
+    keys: tuple[str, ...],
+    box: Bounds,
+    degree: int,
+    wall: Callable[[Scene], ComputedWall],
+) -> ParametricWall:
     """The wall between those computed within the bounds of its keys; raises InvalidScene where too
     few can be."""
     middle, *others = design(box, degree)
-    numbers, walls = [middle], [computed(scene_at(base, keys, middle))]
+    numbers, walls = [middle], [wall(scene_at(base, keys, middle))]
     for values in others:
         try:
-            walls.append(computed(scene_at(base, keys, values)))
+            walls.append(wall(scene_at(base, keys, values)))
             numbers.append(values)
         except FAILURES:  # buckled, or beyond what a table takes: others are enough
             continue
@@ -256,18 +288,6 @@ def _wall_between(base: Base, keys: tuple[str, ...], box: Bounds, degree: int) -
         return parametric_wall(box, np.array(numbers), walls, degree)
     except coupling.CouplingError as reason:
         raise InvalidScene(str(reason)) from None
-
-
-def better_models(model: VariedScene, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
-    """Models of the same structure at the values (q,) of the keys that are better in one respect,
-    by the cause of the error: see `better_walls`; none of a structure in three directions."""
-    if model.rubbing is not None:
-        return {}
-    try:
-        walls = better_walls(scene_at(model.base, model.keys, values))
-    except FAILURES:  # values that no scene may have: the bars name the causes that they hold
-        return {}
-    return with_systems(walls, model.behind)
 
 
 def computed(scene: Scene) -> ComputedWall:

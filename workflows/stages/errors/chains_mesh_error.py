@@ -12,7 +12,7 @@ from beadwave.workflows.stages.chain import several
 from beadwave.workflows.stages.errors.second_mesh import other_mesh
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.meshed_parts import Parts
-from beadwave.workflows.stages.structure.several import contacts
+from beadwave.workflows.stages.structure.several import ChainContacts, contacts
 
 
 def mesh_errors(
@@ -23,6 +23,20 @@ def mesh_errors(
     modes: AssemblyModes,
 ) -> several.ChainsErrors:
     """Errors of the velocities by the mesh. Raises ValueError where no other mesh tells them."""
+    structure, places, share = structure_on_other_mesh(scene, mesh, modes)
+    rows = several.start(scene, places, structure).rows
+    again = space.march(
+        rows.packing, structure, rows.velocity, duration=scene.time.duration, dt=march.dt,
+        n_save=scene.output.samples - 1,
+    )  # fmt: skip
+    return several.errors_of_difference(start, march, again, share)
+
+
+def structure_on_other_mesh(
+    scene: Scene, mesh: Parts, modes: AssemblyModes
+) -> tuple[space.Structure, ChainContacts, float]:
+    """The structure on another mesh, its contacts, and the share of a difference that is the error
+    of the mesh. Raises ValueError where no other mesh tells it."""
     if isinstance(scene.damping, LossFactorsTable):
         raise ValueError(
             "loss factors of parts are not known on a second mesh; compare with a run on a finer "
@@ -38,10 +52,4 @@ def mesh_errors(
         )  # fmt: skip
     # frequencies that ratios of damping are of, as the run has them
     struck = reduced.contact._replace(modes_hz=tuple(modes.paired_hz.values()) or None)
-    structure = several.structure(scene, reduced._replace(contact=struck), places)
-    rows = several.start(scene, places, structure).rows
-    again = space.march(
-        rows.packing, structure, rows.velocity, duration=scene.time.duration, dt=march.dt,
-        n_save=scene.output.samples - 1,
-    )  # fmt: skip
-    return several.errors_of_difference(start, march, again, share)
+    return several.structure(scene, reduced._replace(contact=struck), places), places, share
