@@ -50,6 +50,7 @@ def modes_about(
     omega2, Q = eigh(V.T @ KV)
     rigid = omega2 < RIGID**2 * omega2.max()
     R = V @ Q[:, rigid]
+    MR = M @ R
     n_iterated = min(n_modes + N_GUARDS, V.shape[1])
     for step in range(1, MAX_STEPS + 1):
         at = slice(R.shape[1], n_iterated)
@@ -57,7 +58,7 @@ def modes_about(
         of_open = assembly.model.K @ X + assembly.contact.C.T @ (
             model.contact.layers[:, None] * (assembly.contact.C @ X)
         )
-        Y = deflated(R, M, solver, (M @ X) * (omega2[at] + s) - (KX - of_open))
+        Y = deflated(R, MR, solver, (M @ X) * (omega2[at] + s) - (KX - of_open))
         Y = _orthonormal(V, Y, M)
         V, KV = np.hstack([V, Y]), np.hstack([KV, K @ Y])
         before, (omega2, Q) = omega2[:n_modes], eigh(V.T @ KV)

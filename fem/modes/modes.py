@@ -95,7 +95,8 @@ def modes(
     n_elastic = n_modes - R.shape[1]
     eigenvalues, phi = np.zeros(0), np.empty((n, 0))
     if n_elastic:
-        inverse = LinearOperator((n, n), matvec=lambda b: deflated(R, M, factor, b))
+        MR = M @ R
+        inverse = LinearOperator((n, n), matvec=lambda b: deflated(R, MR, factor, b))
         start = np.random.default_rng(0).standard_normal(n)
         with one_thread():
             eigenvalues, phi = eigsh(
@@ -167,20 +168,21 @@ def _lowest(
 ) -> NDArray[np.float64]:
     """Approximately the lowest mode (n,) M-orthogonal to R, by inverse iteration from a random
     start; mass-normalised."""
-    x = rng.standard_normal(M.shape[0])
+    x, MR = rng.standard_normal(M.shape[0]), M @ R
     for _ in range(n_iterations):
-        x = deflated(R, M, factor, M @ x)
+        x = deflated(R, MR, factor, M @ x)
         x /= np.sqrt(x @ (M @ x))
     return x
 
 
-def deflated(R, M, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
+def deflated(R, MR, factor: Factor, b: NDArray[np.float64]) -> NDArray[np.float64]:
     """P (K - sigma M)^-1 P^T b with P = I - R R^T M, of b (n,) or (n, k).
 
-    R (n, r) are mass-normalised modes that are kept out, factor that of K - sigma M: the load
-    gives up what would accelerate them, the answer what rounding brings back of them.
+    R (n, r) are mass-normalised modes that are kept out, MR (n, r) their products with M, factor
+    that of K - sigma M: the load gives up what would accelerate them, the answer what rounding
+    brings back of them.
     """
     if not R.shape[1]:
         return factor.solve(b)
-    u = factor.solve(b - M @ (R @ (R.T @ b)))
-    return u - R @ (R.T @ (M @ u))
+    u = factor.solve(b - MR @ (R.T @ b))
+    return u - R @ (MR.T @ u)

@@ -128,7 +128,7 @@ def tuning_basis(
     R = soft.phi[:, soft.omega < RIGID * soft.omega.max()]
     shift = (2 * np.pi * SHIFT_HZ) ** 2 if R.shape[1] else 0.0
     factor = factorised((K + shift * model.M).tocsc() if shift else K)
-    attachments = deflated(R, model.M, factor, pulls)
+    attachments = deflated(R, model.M @ R, factor, pulls)
     V = _m_orthonormalised(np.hstack([stiff.phi, soft.phi]), model.M, DEPENDENT_SHARE)
     # what attachments have beyond the modes: in their lengths in M the yielding around a point is
     # small as (omega_1 / omega)^2 and passes for dependent; once leaves rounding of their size

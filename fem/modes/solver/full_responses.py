@@ -71,9 +71,9 @@ def full_responses(
     # x = (P D^-1 M)^j P D^-1 R^T for j = 0, 1, ..: one solution a term for all lines together; the
     # last term is not added, it is the error of those before it
     tau = -(s**2) + sigma
-    x = right.toarray().T
+    x, M_phi = right.toarray().T, model.M @ modes.phi
     for j in range(TERMS + 1):
-        x = deflated(modes.phi, model.M, factor, x if j == 0 else model.M @ x)
+        x = deflated(modes.phi, M_phi, factor, x if j == 0 else model.M @ x)
         term = tau[:, None, None] ** j * (left @ x)
         if j == TERMS:
             remainder = float(np.abs(term).max() / np.abs(G).max())
@@ -93,7 +93,7 @@ def residual_flexibility(model: Model, modes: Modes, points: csr_matrix) -> NDAr
     """R (p, p) [m/N] by which points (p, n) yield in all modes above the given lowest ones: what
     K^-1 has beyond the sum of phi phi^T / omega^2, the inertia of those modes left out."""
     factor = _shifted_factor(model, modes)[1]
-    R = points @ deflated(modes.phi, model.M, factor, points.toarray().T)
+    R = points @ deflated(modes.phi, model.M @ modes.phi, factor, points.toarray().T)
     return (R + R.T) / 2
 
 
