@@ -221,7 +221,7 @@ def table(shared_cache, tmp_path):
 
 
 def test_modes_as_json_have_the_joints_and_their_limits(table, capsys):
-    assert beadwave("modes", str(table), "--json") == 0
+    assert beadwave("modes", str(table), "--set", "mesh.scale=4", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
     (joint,) = answer["joints"]
     assert joint["name"] == "lap" and joint["bolt"] == "M8-8.8" and joint["number"] == 1
@@ -583,14 +583,15 @@ def test_a_spread_of_the_drawing_is_a_lognormal_prior_of_the_fit():
 
 def test_tune_starts_from_the_drawing_and_says_which_joint_moved_beyond_it(table, capsys):
     """Frequencies of a kx 2.6 deviations softer than the drawing's."""
-    (place,) = places(plates())
+    coarse = {"mesh": {"scale": 4.0}}
+    (place,) = places(plates(**coarse))
     k = place.springs.kx * np.exp(-2.6 * place.deviation[0])
-    scene = resolved(plates({"kx": float(k)}), "plates.toml")
+    scene = resolved(plates({"kx": float(k)}, **coarse), "plates.toml")
     omega = pipeline_of(scene, lambda name: nullcontext())("modes").omega
     hz = omega[omega > 1e-4 * omega.max()][:3] / (2 * np.pi)
     match = ",".join(f"{i}={f:.3f}" for i, f in enumerate(hz, start=1))
-    command = ("tune", str(table), "--match", match, "--free", "joints.lap.kx", "--json")
-    assert beadwave(*command) == 0
+    wanted = ("--match", match, "--free", "joints.lap.kx", "--json")
+    assert beadwave("tune", str(table), "--set", "mesh.scale=4", *wanted) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["stiffness"]["joints.lap.kx"] == pytest.approx(k, rel=0.05)
     assert any("2.6 of its deviations away" in remark for remark in answer["remarks"])
