@@ -59,6 +59,7 @@ class Sizing(NamedTuple):
     fields: Mapping[str, SizeField]  # sizes that vary over bodies
     usual: float  # on the sizes by the shape of a body
     seconds: float = inf  # that the mesh of a body may take
+    curved: bool = False  # whether elements follow curved faces
 
 
 @contextmanager
@@ -149,7 +150,7 @@ def sizes_of(bodies: Mapping[str, Body], sizing: Sizing) -> "Sizes":
     scale, usual = sizing.scale, default_seeds(bodies)
     seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
     fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
-    return Sizes(seeds, fine, sizing.coarser, sizing.fields)
+    return Sizes(seeds, fine, sizing.coarser, sizing.fields, sizing.curved)
 
 
 def nodes_foreseen(drawing: Drawing, sizing: Sizing) -> dict[str, float]:

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from skfem import Basis, FacetBasis, Mesh, MeshHex, MeshTet
-from skfem.quadrature import get_quadrature
+from skfem import Basis, Mesh, MeshHex, MeshTet
 
 from beadwave.fem.assembly.chord_height import area_vectors
 from beadwave.fem.assembly.elasticity import Structure
+from beadwave.fem.assembly.facet_rule import facet_rule
 
 # of a facet's size, up to which a point is on it: the CAD kernel draws one rectangle on two bodies
 # up to 2e-7 of it apart
@@ -50,14 +50,14 @@ def face_mean(structure: Structure, face: str) -> FaceMean:
     """
     body, facets = structure.facets(face)
     basis = structure.basis[body]
-    on_face = FacetBasis(basis.mesh, basis.elem.elem, facets=facets, intorder=4)
-    area, share = on_face.dx.sum(), np.zeros(on_face.N)
-    for dofs, phi in zip(on_face.element_dofs, on_face.basis, strict=True):
-        np.add.at(share, dofs, (np.asarray(phi[0]) * on_face.dx).sum(axis=1))
+    scalar, rule = basis.elem.elem, facet_rule(basis.mesh, facets, 4)
+    dx, share = np.linalg.norm(rule.area, axis=0), np.zeros(basis.N // 3)
+    for i, nodes in enumerate(basis.element_dofs[0::3, rule.cells] // 3):
+        np.add.at(share, nodes, (scalar.lbasis(rule.X, i)[0] * dx).sum(axis=1))
+    area = dx.sum()
     nodes = np.flatnonzero(np.abs(share) > 1e-12 * area)
     node, share = structure.first[body] // 3 + nodes, share[nodes] / area
-    normal = (on_face.normals * on_face.dx).sum(axis=(1, 2)) / area
-    return FaceMean(node, share, share @ structure.points[node], normal)
+    return FaceMean(node, share, share @ structure.points[node], rule.area.sum(axis=(1, 2)) / area)
 
 
 def face_edges(structure: Structure, face: str) -> NDArray[np.float64]:
@@ -122,11 +122,9 @@ def face_quadrature(
     straight facets of a face; the weights sum to its area. Raises ValueError as `face_nodes`."""
     body, facets = structure.facets(face)
     mesh = structure.basis[body].mesh
-    # a FacetBasis would invert the mapping of each element, which fails in very skew ones
-    X, W = get_quadrature(mesh.brefdom, order)
-    mapping = mesh.mapping()
-    dx = np.abs(mapping.detDG(X, find=facets)) * W
-    return mapping.G(X, find=facets).reshape(3, -1).T, dx.ravel()
+    rule = facet_rule(mesh, facets, order)
+    points = mesh.mapping().F(rule.X, tind=rule.cells)
+    return points.reshape(3, -1).T, np.linalg.norm(rule.area, axis=0).ravel()
 
 
 class LocatedPoints(NamedTuple):

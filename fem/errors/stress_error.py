@@ -35,10 +35,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, Element, FacetBasis, Mesh, MeshHex
+from skfem import Basis, Element, Mesh, MeshHex
 
 from beadwave.fem.assembly.chord_height import sagging
 from beadwave.fem.assembly.elasticity import ELEMENTS, element_stiffness
+from beadwave.fem.assembly.facet_rule import facet_rule
 from beadwave.fem.assembly.joints import Tie, rigid_motion
 from beadwave.fem.assembly.materials import Material, Orthotropic
 from beadwave.fem.assembly.model import HeldFace, Model
@@ -324,38 +325,7 @@ class FacetSide(NamedTuple):
     @classmethod
     def of(cls, mesh: Mesh, facets: NDArray[np.int64], side: int, order: int) -> "FacetSide":
         """Side 0 or 1 of facets, with a rule that is exact up to the order."""
-        (a, b), weights = FacetBasis(mesh, mesh.elem(), intorder=order, facets=[0]).quadrature
-
-        # shape functions of a facet's corners and their slopes along a and b, at the rule's points
-        one = np.ones_like(a)
-        if isinstance(mesh, MeshHex):  # corners one after another around a facet
-            N = np.stack([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
-            along_a, along_b = np.stack([b - 1, 1 - b, b, -b]), np.stack([a - 1, -a, a, 1 - a])
-        else:
-            N = np.stack([1 - a - b, a, b])
-            along_a, along_b = np.stack([-one, one, 0 * one]), np.stack([-one, 0 * one, one])
-
-        # the same points in the element's own coordinates, by which of its corners the facet has:
-        # both sides of a facet then have their points in one order
-        corners, cells = mesh.facets[:, facets], mesh.f2t[side, facets]
-        at = (mesh.t[:, cells][:, None] == corners).argmax(axis=0)  # (corner, m) in the element
-        X = np.einsum("vp,dvm->dmp", N, mesh.elem().refdom.p[:, at])
-
-        # area vectors, all out of side 0, however the facet is numbered; of a curved one by the
-        # mapping of its element
-        p, slopes = mesh.p[:, corners], (along_a, along_b)
-        if mesh.doflocs.shape[1] == mesh.nvertices:
-            tangents = [np.einsum("vp,dvm->dmp", slope, p) for slope in slopes]
-        else:
-            J, local = mesh.mapping().DF(X, tind=cells), mesh.elem().refdom.p[:, at]
-            tangents = [
-                np.einsum("dcmp,cmp->dmp", J, np.einsum("vp,dvm->dmp", slope, local))
-                for slope in slopes
-            ]
-        area = np.cross(*tangents, axis=0)
-        first = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
-        outward = np.einsum("dm,dmp->m", p.mean(axis=1) - first, area)
-        return cls(mesh, cells, X, np.sign(outward)[:, None] * area * weights)
+        return cls(mesh, *facet_rule(mesh, facets, order, side))
 
     def lacking(self, vanish: NDArray[np.int8]) -> NDArray[np.float32]:
         """The functions (m, b, points) that the elements lack, of which (3, cells) end at a face

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from meshio import Mesh as Grid
 from numpy.typing import NDArray
-from skfem import Mesh
+from skfem import Mesh, MeshHex, MeshTet
 from skfem.io.meshio import to_meshio
 
 MEASURED = "measured"
@@ -39,7 +39,7 @@ def write(path: Path, field: ModeField) -> None:
     writes no such attribute, so it is put into the file's text afterwards.
     """
     bodies = [
-        to_meshio(mesh, encode_cell_data=False, encode_point_data=False)
+        to_meshio(_of_corners(mesh), encode_cell_data=False, encode_point_data=False)
         for mesh in field.meshes.values()
     ]
     first = np.cumsum([0, *(len(body.points) for body in bodies)])
@@ -57,3 +57,10 @@ def write(path: Path, field: ModeField) -> None:
         raw = path.read_bytes()
         active = f'<PointData Vectors="{field.names[0]}">'.encode()
         path.write_bytes(raw.replace(b"<PointData>", active, 1))
+
+
+def _of_corners(mesh: Mesh) -> Mesh:
+    """The mesh without the middles of curved edges: modes are drawn at its vertices."""
+    if mesh.doflocs.shape[1] == mesh.nvertices:
+        return mesh
+    return (MeshHex if isinstance(mesh, MeshHex) else MeshTet)(mesh.p[:, : mesh.nvertices], mesh.t)

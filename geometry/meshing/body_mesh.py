@@ -1,9 +1,10 @@
-"""Every body meshed on its own, straight elements for quadratic shape functions.
+"""Every body meshed on its own, straight or curved elements for quadratic shape functions.
 
 Hexahedra for boxes, extruded outlines and tubes, tetrahedra for all else. Elements have the body's
-seed, less where it is bent or thin, and grow away from fine points. Nodes on full cylinders are
-moved out so that the facets enclose the cylinder's volume: chords alone make pins too thin and
-holes too small, by 2 pi^2 / (3 n^2) of the volume for n edges around.
+seed, less where it is bent or thin, and grow away from fine points. Curved ones follow curved faces
+(`geometry.meshing.curved_faces`). Of straight ones nodes on full cylinders are moved out so that
+the facets enclose the cylinder's volume: chords alone make pins too thin and holes too small, by
+2 pi^2 / (3 n^2) of the volume for n edges around.
 
 The number of nodes is estimated before meshing, so that a mesh that no machine could solve is
 refused at once. For quadratic elements of the size s in a body of the volume V and the thickness
@@ -27,7 +28,14 @@ from beadwave.geometry.cad.patches import Disc, Patch
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import Body
 from beadwave.geometry.errors import InvalidGeometry
-from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, failing
+from beadwave.geometry.meshing.curved_faces import (
+    NO_MIDDLES,
+    EdgeMiddles,
+    edges_around,
+    followed,
+    middles_of,
+)
+from beadwave.geometry.meshing.gmsh_session import failing
 from beadwave.geometry.meshing.hexahedra import hexahedra, prisms
 from beadwave.geometry.meshing.roundness import enclosing, full_cylinders, rimmed
 from beadwave.geometry.meshing.sizes import (
@@ -44,7 +52,7 @@ from beadwave.geometry.meshing.sizes import (
 )
 from beadwave.geometry.own_mesh.facets import facets_of
 
-TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's element types
+LINE, TRIANGLE, TETRAHEDRON = 1, 2, 4  # gmsh's element types
 
 
 # Factors of the estimated number of nodes. Of hexahedra measured on bodies of six kinds, with
@@ -101,7 +109,9 @@ def body_meshes(
                 fitting = fitted(body, patches or {}, gap, size.around)
                 imprints = regions(body, touching, fitting, gap)
                 order = (body, imprints, named or {}, size, gap)
-                mesh = (None if element == "tet" else hexahedra(*order)) or tetrahedra(*order)
+                mesh, middles = (None if element == "tet" else hexahedra(*order)) or tetrahedra(
+                    *order
+                )
         except ValueError as error:
             if isinstance(error, InvalidGeometry) or error.__cause__ is None:
                 raise
@@ -116,7 +126,8 @@ def body_meshes(
         for key, disc in discs.items():
             neighbours = [rim for rim in discs if rim != key]
             mesh = rimmed(mesh, key, patches[key], disc.radius, size.around, neighbours)
-        meshes[name] = mesh
+        # rims leave nodes on curved faces where they are
+        meshes[name] = followed(mesh, middles) if size.curved else mesh
     return meshes
 
 
@@ -177,9 +188,9 @@ def tetrahedra(
     named: Mapping[str, FaceSelection],
     size: Size,
     gap: float,
-) -> MeshTet:
-    """The body in straight tetrahedra; boundaries are its imprints `wanted` and its `named`
-    faces."""
+) -> tuple[MeshTet, EdgeMiddles]:
+    """The body in straight tetrahedra, with the middles of edges of curved ones; boundaries are its
+    imprints `wanted` and its `named` faces."""
     split = imprinted(body, wanted, named, gap)
     mesh_visible([(3, split.tag)], size)
 
@@ -190,20 +201,40 @@ def tetrahedra(
     row = np.argsort(tags)
     p = points.reshape(-1, 3)[row[np.searchsorted(tags, used, sorter=row)]]
 
-    def corners(faces: Sequence[int]) -> NDArray[np.int64]:
-        """(n, 3) node numbers of the triangles on faces."""
-        nodes = [gmsh.model.mesh.getElementsByType(TRIANGLE, tag)[1] for tag in faces]
-        return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, 3)
+    def corners(faces: Sequence[int], dimension: int = 2) -> NDArray[np.int64]:
+        """(n, 3) node numbers of the triangles on faces, (n, 2) of the lines on curves."""
+        kind = TRIANGLE if dimension == 2 else LINE
+        nodes = [gmsh.model.mesh.getElementsByType(kind, tag)[1] for tag in faces]
+        return np.searchsorted(used, np.concatenate([*nodes, []])).reshape(-1, dimension + 1)
 
-    # nodes on cylinders move out, so that chords keep the volume (`geometry.meshing.roundness`)
-    cylinders = full_cylinders(split.tag, gap)
-    round_faces = [face.tag for cylinder in cylinders for face in cylinder]
-    p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
+    middles = NO_MIDDLES
+    if size.curved:
+        # curves last: an edge between two faces is on both of them
+        faces = [tag for _, tag in gmsh.model.getBoundary([(3, split.tag)], oriented=False)]
+        curves = sorted({tag for face in faces for tag in gmsh.model.getAdjacencies(2, face)[1]})
+        places = [(2, tag) for tag in faces] + [(1, tag) for tag in curves]
+        edges = [edges_around(corners([tag], dimension)) for dimension, tag in places]
+        on = [
+            _nearest_on(*place, p[e].mean(axis=1)) for place, e in zip(places, edges, strict=True)
+        ]
+        middles = middles_of(p, edges, on)
+    else:
+        # nodes on cylinders move out, so that chords keep the volume
+        # (`geometry.meshing.roundness`)
+        cylinders = full_cylinders(split.tag, gap)
+        round_faces = [face.tag for cylinder in cylinders for face in cylinder]
+        p = enclosing(p, {tag: corners([tag]) for tag in round_faces}, cylinders)
     t = cells.reshape(-1, 4).T
     mesh = MeshTet(np.ascontiguousarray(p.T), np.ascontiguousarray(t))
-    return mesh.with_boundaries(
-        {name: facets_of(mesh, corners(faces)) for name, faces in split.faces.items()}
-    )
+    named_facets = {name: facets_of(mesh, corners(faces)) for name, faces in split.faces.items()}
+    return mesh.with_boundaries(named_facets), middles
+
+
+def _nearest_on(dimension: int, tag: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 3) [m] of a curve (1) or a face (2) of the CAD model nearest to points (n, 3)."""
+    if not len(points) or gmsh.model.getType(dimension, tag) in ("Plane", "Line"):
+        return points
+    return np.reshape(gmsh.model.getClosestPoint(dimension, tag, points.ravel())[0], (-1, 3))
 
 
 def foreseen_nodes(body: Body, size: Size, element: str) -> float:
@@ -217,28 +248,28 @@ def foreseen_nodes(body: Body, size: Size, element: str) -> float:
     n = body.volume / seed**3 * (INNER_NODES[element] + OUTER_NODES[element] * seed / thickness)
     around = 0.0
     for face in (face for face in body.faces if face.axis is not None):
-        on_circle = 2 * pi * face.radius / EDGES_AROUND  # size of elements there
+        on_circle = 2 * pi * face.radius / size.around  # size of elements there
         if element == "tet":
             around += max(0.0, CYLINDER_NODES * face.area * (1 / on_circle**2 - 1 / seed**2))
         elif on_circle < seed:
             # rings of quadrilaterals that grow from the cylinder's size to the seed, in layers
             length = face.along[1] - face.along[0]
-            edges = EDGES_AROUND * face.area / (2 * pi * face.radius * length)
+            edges = size.around * face.area / (2 * pi * face.radius * length)
             rings = 1 - on_circle / seed + log(seed / on_circle) / GRADING
             if not face.hollow:  # inside a pin there is no room for more
-                rings = min(rings, EDGES_AROUND / (4 * pi))
+                rings = min(rings, size.around / (4 * pi))
             around += edges * rings * (4 * max(1, round(length / seed)) + 3)
     fine = [f for f in size.fine if f.size < seed]
     if element == "tet":
         tags = [face.tag for face in body.faces]
         finest = bounded_at_apices(tags, FINEST_AT_APEX * seed).get("MeshSizeMin", 0.0)
         for face in (f for f in body.faces if f.normal is None and f.axis is None):
-            on_face = 2 * pi / EDGES_AROUND / np.maximum(curvatures(face.tag), 1e-12)
+            on_face = 2 * pi / size.around / np.maximum(curvatures(face.tag), 1e-12)
             on_face = np.maximum(on_face, finest)
             finer = np.maximum(0.0, 1 / on_face**2 - 1 / seed**2)
             around += CYLINDER_NODES * face.area * finer.mean()
         radii = circle_radii(tags).values()
-        around += CIRCLE_NODES * sum(_grown(2 * pi * r / EDGES_AROUND / seed) for r in radii)
+        around += CIRCLE_NODES * sum(_grown(2 * pi * r / size.around / seed) for r in radii)
         around += POINT_NODES * sum(_grown(f.size / seed) for f in fine)
     elif fine and (prism := next(prisms(body), None)):
         # layers, and lines of a grid, are fine from end to end; a base of another outline is fine

@@ -14,6 +14,8 @@ from beadwave import system
 # edges around a circle, at least: chords change its area by 2 pi^2 / (3 n^2), 1.6 %, which
 # `geometry.meshing.roundness` restores
 EDGES_AROUND = 20
+# the same of curved elements, whose parabolas change the area by pi^4 / (30 n^4) or so, 3e-4
+CURVED_EDGES_AROUND = 10
 
 set_handler, handler_of = ctypes.pythonapi.PyOS_setsig, ctypes.pythonapi.PyOS_getsig
 set_handler.argtypes, set_handler.restype = (ctypes.c_int, ctypes.c_void_p), ctypes.c_void_p

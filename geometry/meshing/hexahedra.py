@@ -28,6 +28,12 @@ from beadwave.geometry.cad.imprint import Region
 from beadwave.geometry.cad.occ import distance
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import SAME, Body, Face, Vector, off_axis, parallel
+from beadwave.geometry.meshing.curved_faces import (
+    NO_MIDDLES,
+    EdgeMiddles,
+    edges_around,
+    middles_of,
+)
 from beadwave.geometry.meshing.gmsh_session import boolean_tolerance, failing, mesh_options
 from beadwave.geometry.meshing.roundness import enclosing, full_cylinders
 from beadwave.geometry.meshing.size_field import smallest_at
@@ -169,10 +175,11 @@ def hexahedra(
     named: Mapping[str, FaceSelection],
     size: Size,
     gap: float,
-) -> MeshHex | None:
-    """The body in hexahedra with the boundaries that `tetrahedra` gives it; None where it is no
-    extrusion, or one whose base no algorithm meshes fairly. The surfaces `wanted` are not consumed,
-    so that tetrahedra can still use them. `gap` [m] is the distance up to which bodies touch.
+) -> tuple[MeshHex, EdgeMiddles] | None:
+    """The body in hexahedra with the boundaries, and the middles of edges, that `tetrahedra` gives
+    it; None where it is no extrusion, or one whose base no algorithm meshes fairly. The surfaces
+    `wanted` are not consumed, so that tetrahedra can still use them. `gap` [m] is the distance up
+    to which bodies touch.
     """
     # the lowest extrusion on which all imprints can be meshed
     for prism in prisms(body):
@@ -250,17 +257,25 @@ def hexahedra(
         if selected.body == body.name:
             corners[name] = np.concatenate([layers.face(tag) for tag in selected.tags])
 
-    # copies of the base; nodes on cylinders are moved out to keep the cylinders' volume
-    n = len(p)
+    # copies of the base; straight elements have their nodes on cylinders moved out to keep the
+    # cylinders' volume
+    n, middles = len(p), NO_MIDDLES
     points = (p + heights[:, None, None] * prism.axis).reshape(-1, 3)
-    cylinders = full_cylinders(body.tag, gap)
-    tags = [face.tag for cylinder in cylinders for face in cylinder]
-    points = enclosing(points, {tag: triangles(layers.face(tag)) for tag in tags}, cylinders)
+    if size.curved:
+        round_sides = [side for side in prism.sides if side.axis is not None]
+        bent = [edges_around(layers.face(side.tag)) for side in round_sides]
+        on = [_onto(s, points[e].mean(axis=1)) for s, e in zip(round_sides, bent, strict=True)]
+        middles = middles_of(points, bent, on)
+    else:
+        cylinders = full_cylinders(body.tag, gap)
+        tags = [face.tag for cylinder in cylinders for face in cylinder]
+        points = enclosing(points, {tag: triangles(layers.face(tag)) for tag in tags}, cylinders)
     quads = quads + np.arange(len(heights) - 1)[:, None, None] * n
     quads = quads.reshape(-1, 4).T
     t = np.concatenate([quads, quads + n])[EXTRUDED]
     mesh = MeshHex(np.ascontiguousarray(points.T), np.ascontiguousarray(t))
-    return mesh.with_boundaries({name: facets_of(mesh, quad) for name, quad in corners.items()})
+    facets = {name: facets_of(mesh, quad) for name, quad in corners.items()}
+    return mesh.with_boundaries(facets), middles
 
 
 def _onto(side: Face, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from beadwave.geometry.cad.solids import Body, Vector, parallel
-from beadwave.geometry.meshing.gmsh_session import EDGES_AROUND, mesh_options
+from beadwave.geometry.meshing.gmsh_session import CURVED_EDGES_AROUND, EDGES_AROUND, mesh_options
 from beadwave.geometry.meshing.size_field import GRADING, SizeField
 
 # Element size by a body's shape; sizes grow away from a point or a circle by `GRADING`
@@ -53,13 +53,15 @@ class Size(NamedTuple):
     sharp: float | None = None  # of the first element at a singular edge of a thick one
     around: float = EDGES_AROUND  # edges around a circle, at least
     field: SizeField | None = None  # in place of edge and sharp; the seed is its upper bound
+    curved: bool = False  # whether elements follow curved faces
 
     def times(self, coarser: float) -> "Size":
         """Sizes with all elements `coarser` times as large, those that its shape bounds too."""
         fine = tuple(f._replace(size=coarser * f.size) for f in self.fine)
         edge, sharp = (s and coarser * s for s in (self.edge, self.sharp))
         field = self.field and self.field._replace(sizes=coarser * self.field.sizes)
-        return Size(coarser * self.seed, fine, edge, sharp, self.around / coarser, field)
+        seed, around = coarser * self.seed, self.around / coarser
+        return Size(seed, fine, edge, sharp, around, field, self.curved)
 
 
 class Sizes(NamedTuple):
@@ -69,12 +71,15 @@ class Sizes(NamedTuple):
     fine: Sequence[Fine] = ()
     coarser: float = 1.0  # times all of them, see `Size.times`
     fields: Mapping[str, SizeField] = {}  # by body
+    curved: bool = False  # whether elements follow curved faces
 
     def of(self, body: Body) -> Size:
         """Element sizes of one body."""
         size = size_of(body, (self.seeds or {}).get(body.name), self.fine)
         if field := self.fields.get(body.name):
             size = size._replace(edge=None, sharp=None, field=field)
+        if self.curved:
+            size = size._replace(around=CURVED_EDGES_AROUND, curved=True)
         return size.times(self.coarser)
 
 

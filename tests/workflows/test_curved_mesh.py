@@ -12,6 +12,7 @@ from skfem import Basis, MeshHex, MeshHex2, MeshTet2
 from skfem.io.meshio import HEX_MAPPING
 
 from beadwave import fem, geometry
+from beadwave.fem.modes.mode_field import ModeField, write
 from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.own_mesh.curved import is_curved
 from beadwave.workflows.files.mesh_reader import volumes_of
@@ -203,3 +204,14 @@ def test_a_curved_body_is_struck_on_its_round_face(capsys):
     assert beadwave("modes", "ring.toml", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert rows[0]["participation"] is not None and rows[0]["frequency_hz"] > 1e3
+
+
+@pytest.mark.parametrize("kind", [MeshHex2, MeshTet2])
+def test_modes_of_curved_cells_are_written_at_their_corners(kind, tmp_path):
+    mesh = kind.from_mesh(kind.__base__())
+    u = np.zeros((1, mesh.nvertices, 3), np.float32)
+    one = np.ones(1, int)
+    write(tmp_path / "modes.vtu", ModeField({"body": mesh}, one, 100.0 * one, u, one))
+    grid = meshio.read(tmp_path / "modes.vtu")
+    assert len(grid.points) == mesh.nvertices
+    assert [len(block.data) for block in grid.cells] == [mesh.nelements]

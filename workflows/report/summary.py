@@ -308,6 +308,9 @@ class MeshNumbers(BaseModel):
     asked: float  # relative error
     stated: float
     floor: float  # of the stated error, which no mesh lowers: dents under springs
+    # apart from the stated error: the largest relative difference of the volumes of a body and its
+    # mesh, whose elements cut curved faces short
+    chords: float = 0.0
     # what kept it above the one asked: unknowns, floor, singular (errors fall too slowly), meshes,
     # sizes (of another scene)
     bounded_by: str | None = None

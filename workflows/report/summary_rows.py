@@ -40,6 +40,7 @@ ERRORS = {
 SQUARED = "\N{SUPERSCRIPT TWO}"
 NO_LOSS = 1e-6  # a loss factor of friction that is none
 LARGE = 0.05  # relative error from which on it stands out
+MIN_CHORDS = 1e-5  # relative difference of volumes that is worth words
 # rows with an error of their own: the name of their number in the summary's table of errors
 ERROR_OF = {
     "time of flight TOF": "tof_s",
@@ -170,7 +171,10 @@ def mesh_words(mesh: MeshNumbers) -> str:
         f"{grouped(m.unknowns)} unknowns ±{GLUE}{percent(m.stated, 2)} in {si(m.seconds, 's')}"
         for m in mesh.meshes
     ]
-    return f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
+    asked = f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
+    if mesh.chords < MIN_CHORDS:
+        return asked
+    return f"{asked}; volumes within {percent(mesh.chords, 2)} of those of curved bodies"
 
 
 def with_error(summary: Summary, name: str, text: str) -> str:

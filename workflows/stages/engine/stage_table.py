@@ -423,7 +423,7 @@ STAGES = (
     ),
     Stage(
         "mesh-numbers", ".errors.adapted_sizes:mesh_numbers", tables_of("mesh"),
-        ("sizes", "modes", "missed-energy"), when=has_sizes_chosen, listed=False,
+        ("sizes", "mesh", "modes", "missed-energy"), when=has_sizes_chosen, listed=False,
     ),
     Stage(
         "part-errors", ".errors.part_fit_errors:part_errors", tables_of(), ("model", "modes"),

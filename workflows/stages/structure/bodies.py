@@ -25,6 +25,7 @@ from beadwave.geometry.cad.solids import SAME, Body, Vector
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
+from beadwave.geometry.quality import volume_of
 from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.step import require_step
 from beadwave.workflows.scene import InvalidScene, Scene
@@ -170,7 +171,7 @@ def sizing_of(
     element = "tet" if scene.mesh.element == "tet" else None
     return Sizing(
         scene.assembly.gap, scene.mesh.scale, seeds, fine, coarser, element, fields, sizes.usual,
-        scene.mesh.seconds,
+        scene.mesh.seconds, sizes.curved,
     )  # fmt: skip
 
 
@@ -191,15 +192,17 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
         chosen = placed(scene, layout, sizes, coarser)
         selection, ties, bolted = chosen.selection, chosen.ties, chosen.bolted
         boxes = {name: box_of(body) for name, body in layout.bodies.items()}
+        volumes = {name: body.volume for name, body in layout.bodies.items()}
         joined = [*ties, *chosen.pressed]
         meshes, fineness = meshed(layout, selection, joined, chosen.named, chosen.sizing)
 
     made_of = {name: material(scene.made_of(name)) for name in meshes}
+    chords = {name: volume_of(mesh) / volumes[name] - 1 for name, mesh in meshes.items()}
     connections, rigid = _connections(scene, selection, ties, fineness, bolted)
     closed = tuple(_tie(touch, fineness) for touch in chosen.pressed)
     whole = Parts(
         meshes, made_of, connections, rigid, chosen.struck, _load(scene, selection),
-        sizes, tuple(bolted.values()), closed, boxes,
+        sizes, tuple(bolted.values()), closed, boxes, chords,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly

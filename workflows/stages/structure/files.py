@@ -41,7 +41,7 @@ def missed_files(scene: Scene, mesh: Parts, missed: MeshErrorEstimate) -> dict[s
     content = {}
     for body, energy in missed.of_cells.items():
         of_body = mesh.meshes[body]
-        content |= {f"energy.{body}": energy, f"points.{body}": of_body.p.T}
+        content |= {f"energy.{body}": energy, f"points.{body}": of_body.p.T[: of_body.nvertices]}
         content[f"cells.{body}"] = of_body.t.T
     return {"missed.npz": npz(content)}
 

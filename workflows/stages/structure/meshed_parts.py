@@ -27,6 +27,7 @@ class ElementSizes(NamedTuple):
     # (2, 3) [m] lower and upper corner of each body that a field is of: the field of a body that
     # has another box now is stretched onto it
     boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+    curved: bool = False  # whether elements follow curved faces, with fewer edges around circles
 
 
 class SolvedMesh(NamedTuple):
@@ -65,6 +66,8 @@ class Parts(NamedTuple):
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
     closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
     boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})  # as those of `ElementSizes`
+    # by body the volume of its mesh over its own, less 1: elements cut curved faces short
+    chords: Mapping[str, float] = MappingProxyType({})
 
     @property
     def assembled(self) -> fem.Connections:
