@@ -9,7 +9,6 @@ from pydantic import BaseModel
 from beadwave.fem.contact.modal_backbone import ModalBackbone
 from beadwave.fem.contact.preloaded_contact import OPEN, SLIDING, STUCK, PreloadedContact
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report import plots
 from beadwave.workflows.report.tables import aligned_text
 
 N_SHOWN = 4  # amplitudes of a mode in the text; files have all
@@ -109,6 +108,8 @@ def slip_displacements(backbones: Mapping[int, ModalBackbone]) -> NDArray[np.flo
 
 def amplitude_picture(rows: Sequence[AmplitudeRow]) -> Picture:
     """Frequency over its value at the least amplitude, and loss factor, over amplitude."""
+    from beadwave.workflows.report import plots  # matplotlib takes a third of a second
+
     figure, (above, below) = plots.subplots(2, 1, (7, 6), sharex=True)
     # three decades of losses; those of single facets below them tell nothing
     least = max(1e-3 * max((row.loss_factor for row in rows), default=0.0), 1e-7)
@@ -138,6 +139,8 @@ def amplitude_picture(rows: Sequence[AmplitudeRow]) -> Picture:
 
 def slip_picture(contact: PreloadedContact, backbones: Mapping[int, ModalBackbone]) -> Picture:
     """The facets of each mode by the amplitude from which on they slip."""
+    from beadwave.workflows.report import plots  # matplotlib takes a third of a second
+
     facets = contact.facets
     slipping = {mode: b for mode, b in backbones.items() if np.isfinite(b.first_slip).any()}
     n_columns = min(3, max(len(slipping), 1))

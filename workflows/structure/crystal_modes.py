@@ -4,7 +4,6 @@ import numpy as np
 from pydantic import BaseModel
 
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report import plots
 from beadwave.workflows.report.summary_rows import bands
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene
@@ -86,6 +85,8 @@ def crystal_mode_table(pipeline: Pipeline) -> CrystalModeTable:
 
 def dispersion_picture(table: CrystalModeTable) -> Picture:
     """Frequency over wave number along each axis, and the finite crystal's modes beside."""
+    from beadwave.workflows.report import plots  # matplotlib takes a third of a second
+
     n = len(table.dispersion)
     figure, axes = plots.subplots(
         1, n + 1, (3.2 * n + 1.8, 3.8), sharey=True, width_ratios=[*[3] * n, 1]

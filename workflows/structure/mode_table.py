@@ -5,7 +5,6 @@ from pydantic import BaseModel
 
 from beadwave.fem.modes.mac import RIGID, strained
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report import plots
 from beadwave.workflows.report.summary import ContactRow, MeshNumbers
 from beadwave.workflows.report.summary_rows import mesh_words
 from beadwave.workflows.report.tables import aligned_text
@@ -220,6 +219,8 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
 def mac_picture(pipeline: Pipeline) -> Picture:
     """The MAC matrix of the computed modes with those of stiff joints; values from 0.05 on stand in
     their cells."""
+    from beadwave.workflows.report import plots  # matplotlib takes a third of a second
+
     with_mac(pipeline.scene)
     hz = pipeline("modes").omega / (2 * np.pi)
     mac = pipeline("mac")

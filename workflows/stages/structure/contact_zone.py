@@ -16,7 +16,6 @@ from beadwave.fem.contact.preloaded_contact import (
 )
 from beadwave.workflows.files.npz import npz
 from beadwave.workflows.files.run_folder import Picture
-from beadwave.workflows.report import plots
 from beadwave.workflows.report.summary import ContactRow
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Scene
@@ -118,6 +117,8 @@ def contact_arrays(contact: PreloadedContact, **more: NDArray[np.float64]) -> by
 def contact_picture(contact: PreloadedContact) -> Picture:
     """Pressure and state of the facets, as discs of their area, along the two global axes that span
     the faces best."""
+    from beadwave.workflows.report import plots  # matplotlib takes a third of a second
+
     figure, axes = plots.subplots(1, 2, (10, 4.4))
     first, second = contact.facets.spanned
     at = 1e3 * contact.facets.points[:, [first, second]]
