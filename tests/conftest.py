@@ -56,7 +56,7 @@ def pytest_collection_modifyitems(config, items):
 
 @pytest.fixture(autouse=True)
 def no_lines_of_progress(monkeypatch):
-    """Which stages take over a second, and say so in a line on stderr, depends on the machine."""
+    """Stages that take over a second say so on stderr, which depends on the machine."""
     monkeypatch.setattr("beadwave.workflows.commands.terminal.PATIENCE", 1e4)
 
 

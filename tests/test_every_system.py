@@ -43,7 +43,7 @@ def python(place, *arguments, **given):
 
 
 def command(place, *words, changes=()):
-    """What a command prints as JSON; it must succeed."""
+    """The JSON that a command prints; it must succeed."""
     sets = [f"--set={change}" for change in changes]
     done = python(place, "-m", "beadwave", *words, *sets, "--json")
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""What `pip install` of the wheel puts beside other packages."""
+"""Content that `pip install` of the wheel adds to other packages."""
 
 import os
 import subprocess

@@ -38,7 +38,7 @@ def test_of_minutes():
 
 @pytest.fixture
 def pytest_says(tmp_path):
-    """What pytest prints with these options in a project with our conftest."""
+    """Output of pytest with these options in a project with our conftest."""
     (tmp_path / "tests").mkdir()
     (tmp_path / "pyproject.toml").write_text(PROJECT)
     (tmp_path / "tests" / "test_four.py").write_text(FOUR)
@@ -85,7 +85,7 @@ def test_a_choice_of_marks_is_kept(pytest_says):
 
 
 def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():
-    """What it leaves out is none of the share that `tests/tools/mutants.py` measures."""
+    """It leaves out none of the share that `tests/tools/mutants.py` measures."""
     names = {name for room in mutants.ROOMS.values() for name in room.tests}
     files = {TESTS / "{}/test_{}.py".format(*name.split("/")) for name in names}
     assert len(files) > 20

@@ -1,4 +1,4 @@
-"""What a calibration stands on: derivatives, alignment, bars; and that it finds a known rig."""
+"""Derivatives, alignment and bars of a calibration; and that it finds a known rig."""
 
 import numpy as np
 import pytest

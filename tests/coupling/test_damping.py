@@ -69,7 +69,7 @@ def test_the_coupling_of_modes_is_the_largest_normalised_product():
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_the_coupling_of_modes_has_no_unit_even_where_one_is_undamped(unit):
-    """What couples to an undamped mode counts as much as beside the smallest damping told apart."""
+    """Coupling to an undamped mode counts as much as to one of the smallest damping told apart."""
     D = unit * np.array([[4.0, 1e-7], [1e-7, 0.0]])
     assert modal_coupling(D) == pytest.approx(1e-7 / 4e-6, rel=1e-9)
     assert couples_modes(D) and not couples_modes(unit * np.diag([4.0, 0.0]))

@@ -192,7 +192,7 @@ def test_a_bar_holds_a_number_that_no_wave_within_the_record_tells_on_one_side()
 
 
 def test_a_valley_beside_the_answer_is_not_called_an_explanation():
-    """Where the whole record is fitted at once, from the middle of the bounds."""
+    """The whole record is fitted at once, from the middle of the bounds."""
     fit = problem_of((0.0145, 52e9, 0.6), WIDE)
     middle = np.array([p.start for p in fit.unknowns.parameters])
     result = inverted(fit, n_shared=3, begin=middle, gains=["gain"])

@@ -50,7 +50,7 @@ CASES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_coupled_march_is_the_solution_of_its_equations(case):
-    """Where the damping leaves the modes uncoupled, they are those of a wall of oscillators."""
+    """Modes that the damping leaves uncoupled are those of a wall of oscillators."""
     residual, parts = CASES[case]
     chain, t = row(**parts), np.linspace(0, 3.0, 7)
     run = march_coupled(chain, coupled(residual), speeds(3), duration=3.0, error=1e-10, n_save=6)

@@ -141,7 +141,7 @@ def test_samples_agree_with_an_integrator_of_another_kind():
 
 @pytest.mark.parametrize(("scene", "error"), [("dashpot", 1e-3), ("residual", 1e-5)])
 def test_no_less_than_a_thirtieth_of_the_error_asked_is_stated(scene, error):
-    """Where the ledger asks for short steps, two marches differ by less than that."""
+    """By the short steps that the ledger asks for, two marches differ by less than that."""
     chain, wall = SCENES[scene]
     options = {"duration": DURATION, "error": error, "n_save": 100}
     bare = march_to_error(chain, wall, V0, search=StepSearch(least=0.0), **options)

@@ -1,4 +1,4 @@
-"""What is known at the ends of steps, and the polynomials between them, as plain Python: beside
+"""Values at the ends of steps, and the polynomials between them, as plain Python: compared with
 differences of a finer march, polynomials by numpy and quadratures."""
 
 import numpy as np
@@ -62,7 +62,7 @@ def ends_of(scene, v0, dt, n):
 
 
 def agree(derivative, values, dt, allowed=1e-5):
-    """Whether they are the derivatives of values by differences of order four, of what changes."""
+    """Assert that they are the derivatives of values by differences of order four."""
     exact = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * dt)
     size = np.abs(exact).max(axis=0) + 1e-6
     np.testing.assert_allclose(derivative[2:-2] / size, exact / size, rtol=0, atol=allowed)

@@ -644,7 +644,7 @@ def test_the_share_of_a_step_that_a_contact_is_closed_for(g0, g1):
 
 @pytest.mark.parametrize("z", [0.1, 3.0, 40.0, -2.0])
 def test_a_strong_damper_reads_the_velocity_at_the_end_of_a_step(z):
-    """What it leaves of the speed at z = 4 is near exp(-4); a weak one stays in the middle."""
+    """It leaves near exp(-4) of the speed at z = 4; a weak one stays in the middle."""
     ahead, slope = lead(z)
     h = 1e-5
     assert near(slope, (lead(z + h)[0] - lead(z - h)[0]) / (2 * h), 1e-6)

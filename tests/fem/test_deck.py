@@ -1,4 +1,4 @@
-"""What an input deck holds beside its mesh, read back from its text: no solver needed."""
+"""Content of an input deck besides its mesh, read back from its text: no solver needed."""
 
 import numpy as np
 import pytest

@@ -158,8 +158,8 @@ def test_the_meshed_half_space_in_the_face_approaches_the_exact_one(blocks):
 
 
 def test_cerruti_and_boussinesq_are_reciprocal():
-    """What a force along the face moves along the normal elsewhere on the surface, that force along
-    the normal moves along the face here; and two forces along the face each other alike."""
+    """A force along the face moves another point along the normal by as much as that force along
+    the normal there moves this point along the face; so do two forces along the face."""
     inward, along = np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0])
     here, there = np.zeros((1, 3)), np.array([[0.004, 0.0024, -0.0018]])
     one = np.ones(1)

@@ -43,7 +43,7 @@ def compliance(mirrors):
 
 @pytest.mark.parametrize("mirrors", ["y", "yz"])
 def test_a_body_cut_at_mirrors_is_as_compliant_as_uncut(mirrors):
-    """The same elements on both sides of each plane: equal but for rounding of the solution."""
+    """Elements alike on both sides of each plane: equal but for rounding of the solution."""
     assert compliance(mirrors) / compliance("") == pytest.approx(1, rel=1e-9)
     assert plate(mirrors)[2] / plate("")[2] == pytest.approx(1, rel=1e-9)
 

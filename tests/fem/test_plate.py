@@ -28,7 +28,7 @@ def hinged_omega(sheet, n):
 
 
 def pressed_omega(sheet, in_plane, n):
-    """The same with forces N_x, N_y in the plane: S k^2 + N_x kx^2 + N_y ky^2 in place of S k^2."""
+    """`omega` with forces N_x, N_y in the plane: S k^2 + N_x kx^2 + N_y ky^2 in place of S k^2."""
     count, (S, D) = np.arange(1, 40), stiffnesses(sheet)
     kx2, ky2 = np.meshgrid(*((np.pi * count / side) ** 2 for side in sheet[:2]), indexing="ij")
     k2, N = kx2 + ky2, in_plane[0] * kx2 + in_plane[1] * ky2
@@ -114,7 +114,7 @@ def solid_compliance(side, h, material):
 @pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.45])
 @pytest.mark.parametrize("slenderness", [40, 10])
 def test_the_compliance_at_the_contact_is_that_of_the_solid(slenderness, poisson):
-    """What the half-space leaves, within 1e-3; without poisson the disc is wider than it should
+    """Beyond the half-space, within 1e-3; without poisson the disc is wider than it should
     be, which leaves a logarithm."""
     material = STEEL._replace(poisson=poisson)
     sheet = fem.Sheet(0.4, 0.4, 0.4 / slenderness, material)

@@ -1,4 +1,4 @@
-"""What straight edges leave of round faces and rims, which ties allow for."""
+"""Heights of chords of round faces and rims, which ties allow for."""
 
 import numpy as np
 import pytest

@@ -106,7 +106,7 @@ def test_of_a_push_only_what_is_not_the_half_space_is_missed():
 
 
 def test_two_bodies_tied_face_to_face_miss_what_one_body_misses():
-    """The same bar as one body and as two halves: equal up to single precision of the residuals."""
+    """A bar as one body and as two halves: equal up to single precision of the residuals."""
 
     def half(name, x):
         mesh = MeshHex.init_tensor(x, np.linspace(0, 0.02, 3), np.linspace(0, 0.02, 2))

@@ -268,7 +268,7 @@ def test_a_disc_that_its_face_cuts_off_keeps_its_circle():
 
 
 def off_the_sides(mesh, turn, sides):
-    """How far outer facets of a box around the origin leave its sides [m]."""
+    """Distance [m] of outer facets of a box around the origin from its sides."""
     p = np.abs(turn.T @ mesh.p) - np.array(sides)[:, None] / 2
     return np.abs(p[:, mesh.facets[:, mesh.boundary_facets()]]).max(axis=1).min(axis=0).max()
 

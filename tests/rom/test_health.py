@@ -1,5 +1,4 @@
-"""What a reduced model must still be true of: each check passes a sound model and fires on a broken
-one."""
+"""Checks of a reduced model: each passes a sound model and fires on a broken one."""
 
 import numpy as np
 import pytest

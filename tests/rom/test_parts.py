@@ -1,4 +1,4 @@
-"""What reductions are made of: factors, pencils, bases, bounds, each against dense algebra."""
+"""Parts of reductions: factors, pencils, bases, bounds, each against dense algebra."""
 
 import contextlib
 import tracemalloc

@@ -91,7 +91,7 @@ def test_a_joint_without_stiffness_is_refused():
 
 
 def solid_receptance(length, clamped):
-    """The same beam as hexahedra: mean u_z and mean turn of the end faces, (1, m, m)."""
+    """The beam as hexahedra: mean u_z and mean turn of the end faces, (1, m, m)."""
     mesh = MeshHex.init_tensor(
         np.linspace(0, length, round(length / 0.0125) + 1),
         np.linspace(-WIDTH / 2, WIDTH / 2, 3),

@@ -152,7 +152,7 @@ class Rules:
 
 
 def called_by_us() -> bool:
-    """Whether a module of beadwave calls, through the libraries of files."""
+    """True if a module of beadwave calls, through the libraries of files."""
     frame = sys._getframe(3)
     while frame is not None:
         name = frame.f_globals.get("__name__", "")

@@ -24,7 +24,7 @@ kill, killpg = os.kill, os.killpg  # of the system
 
 
 class Dispositions(NamedTuple):
-    """What a signal does, and the timers that send one."""
+    """Actions of signals, and the timers that send one."""
 
     handlers: dict[signal.Signals, object]  # as Python knows them
     kernel: dict[signal.Signals, str]  # "default", "ignored" or "caught": a library in C sets it
@@ -85,7 +85,7 @@ def signals_as_before() -> Iterator[None]:
 
 
 def _descends(pid: int) -> bool:
-    """Whether a process was started by pytest, by its children or theirs."""
+    """True of a process that was started by pytest, by its children or theirs."""
     while pid > 1:
         # the name in brackets may hold spaces and brackets of its own
         pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
@@ -95,7 +95,7 @@ def _descends(pid: int) -> bool:
 
 
 def _refusal(pid: int) -> str | None:
-    """Why a test must not signal this process, or group where it is negative."""
+    """Reason why a test must not signal this process, or group where it is negative."""
     group = os.getpgid(PYTEST)
     if pid in (0, -1, -group):
         return "is the process group of pytest, or everything"

@@ -440,12 +440,12 @@ class Mutant(NamedTuple):
 
     @property
     def reason(self) -> str | None:
-        """Why no test can notice it, where that is known."""
+        """Reason why no test can notice it, if that is known."""
         return EXPLAINED.get((self.text, self.before))
 
 
 def size(module: str) -> int:
-    """How many mutants a module has."""
+    """Number of mutants of a module."""
     return sum(1 for _ in _places(ast.parse((ROOT / module).read_text())))
 
 
@@ -471,7 +471,7 @@ def _places(tree: ast.Module) -> Iterator[tuple[str, ast.expr, Callable]]:
 
 
 def _computed(tree: ast.Module) -> Iterator[tuple[str, ast.AST]]:
-    """What functions and methods compute, by their names; not the words of an error."""
+    """Bodies of functions and methods, by their names; without the words of an error."""
     for owner in (tree, *(part for part in tree.body if isinstance(part, ast.ClassDef))):
         name = f"{owner.name}." if isinstance(owner, ast.ClassDef) else ""
         for function in (part for part in owner.body if isinstance(part, ast.FunctionDef)):
@@ -516,7 +516,7 @@ class Changed(MetaPathFinder, SourceFileLoader):
 
 
 class Reach:
-    """Which functions of some modules each test calls, and its seconds."""
+    """Functions of some modules that each test calls, and its seconds."""
 
     def __init__(self, modules: tuple[str, ...]) -> None:
         self.modules = {str(PACKAGE / module): module for module in modules}
@@ -525,13 +525,13 @@ class Reach:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_setup(self, item):
-        """What fixtures call counts for all tests of the file."""
+        """Calls of fixtures count for all tests of the file."""
         with self._noted(self.called[item.nodeid.split("::")[0]]):
             return (yield)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_call(self, item):
-        """What the test itself calls."""
+        """Calls of the test itself."""
         began = time.process_time()
         with self._noted(self.called[item.nodeid]):
             result = yield
@@ -595,7 +595,7 @@ def status(work: Callable, *arguments) -> int:
 
 
 def survives(mutant: Mutant, reach: list) -> bool:
-    """Whether no test that calls the mutant's function fails."""
+    """True if no test that calls the mutant's function fails."""
     function = f"{mutant.module} {mutant.function}"
     tests = {test: s for test, s, called in reach if function in called and s < LONGEST}
     limit = 20 + 5 * sum(tests.values())

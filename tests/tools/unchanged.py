@@ -139,7 +139,7 @@ def number(value) -> np.ndarray | None:
 
 
 def difference(before, after) -> float | str | None:
-    """How far two values differ, relative to the largest; None where they do not."""
+    """Difference of two values, relative to the largest; None where there is none."""
     one, other = number(before), number(after)
     if one is None or other is None:
         return None if str(before) == str(after) else f"{before!r:.80} {after!r:.80}"

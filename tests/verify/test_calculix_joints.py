@@ -1,4 +1,4 @@
-"""The same mesh, constraints and springs in CalculiX (Debian: calculix-ccx), to its digits."""
+"""Mesh, constraints and springs of ours in CalculiX (Debian: calculix-ccx), to its digits."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ SCREW = Joint("screw", Side("upper:foot"), UNDER, np.array([0.0, 0.0, LOWER]))
 
 
 def with_rigid_body_and_springs(structure, k):
-    """The same joint as CalculiX knows it: *RIGID BODY on the slender block, springs of two nodes
+    """The joint as CalculiX knows it: *RIGID BODY on the slender block, springs of two nodes
     to the mean motion of the wide one's face, which stays an equation.
     """
     n = structure.n_dofs

@@ -196,7 +196,7 @@ def test_a_reduction_of_own_matrices_keeps_their_static_compliance_and_force():
 
 @pytest.mark.slow
 def test_a_wall_by_hand_is_that_of_the_scene():
-    """What help(coupling) says of the residual compliance, the preload and the surface."""
+    """By the words of help(coupling) on the residual compliance, the preload and the surface."""
     K, M, w = springs()
     young, poisson, patch = 210e9, 0.3, 2e-3
     local = 0.1 * 0.6 * (1 - poisson**2) / (young * patch)

@@ -35,7 +35,7 @@ def computed(name, *changes):
 
 
 def test_a_beam_is_the_wall_that_its_matrices_make():
-    """The same K, M, w by hand: the run's wall has no half-space and no other compliance."""
+    """K, M, w by hand: the run's wall has no half-space and no other compliance."""
     found = computed("beam", *SHORT)
     table = found.scene.beam
     by_hand = fem.beam(

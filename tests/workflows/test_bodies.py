@@ -506,7 +506,7 @@ def test_a_starter_holds_each_group_of_bodies_that_touches_no_other(capsys):
 
 
 def refused(capsys, text, *more):
-    """What a scene of this text is refused with, in status 2."""
+    """The sentence that a scene of this text is refused with, in status 2."""
     assert beadwave("modes", written(text), *more) == 2
     return capsys.readouterr().err
 

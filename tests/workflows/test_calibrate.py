@@ -123,7 +123,7 @@ def test_the_scan_has_its_least_misfit_at_the_wall_that_made_the_data(result):
 
 
 def test_a_sphere_held_out_is_predicted(rig, plain):
-    """What the model leaves at the sphere it has not seen is what it leaves at the other, times a
+    """The misfit at the sphere that the model has not seen is that at the other, times a
     factor of the geometry; without a fit it is 100 times more."""
     data = twin.measured(plain, SETTING)
     request = CalibrationRequest(instrument=SETTING.instrument, hold_out=(1,), free=FEW)

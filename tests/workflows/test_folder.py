@@ -1,4 +1,4 @@
-"""What is a user's stays: folders of ours are marked, held by one run, complete or absent."""
+"""Files of a user stay: folders of ours are marked, held by one run, complete or absent."""
 
 import json
 import os
@@ -478,7 +478,7 @@ with folder.run("name = 'first'"), folder.writing("rom.npz") as part:
 
 @pytest.fixture
 def killed():
-    """What a process left that was killed while it wrote."""
+    """A folder that a process left that was killed while it wrote."""
     command, pipe = [sys.executable, "-c", HOLDING], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, start_new_session=True) as process:
         assert process.stdout.readline() == b"held\n"

@@ -139,7 +139,7 @@ def test_a_chain_pressed_on_the_wall_keeps_its_last_sphere_at_rest_across(capsys
 
 
 def test_a_sweep_over_the_coefficient_shows_friction(tmp_path, capsys):
-    """Where all slips the surface keeps 1 - 7 mu v_n / v_t; a refused case has no numbers."""
+    """As all slips, the surface keeps 1 - 7 mu v_n / v_t; a refused case has no numbers."""
     pytest.importorskip("pyarrow")
     import pyarrow.parquet as pq
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("own_folder")
 
 
 def refused(capfd, *arguments):
-    """What the command says; it fails with status 2 and one sentence, and no warning beside it."""
+    """Output of the command; it fails with status 2 and one sentence, without a warning."""
     with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
         patch.setattr(sys, "argv", ["beadwave", *arguments])
         with warnings.catch_warnings():

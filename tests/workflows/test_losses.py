@@ -140,7 +140,7 @@ def test_of_parts_that_share_alike_none_is_determined_and_none_is_negative():
 
 @pytest.mark.slow
 def test_a_run_and_its_errors_take_the_ratios_of_the_loss_factors(shared_cache, tmp_path):
-    """The same run with the ratios of the modes one by one in their place."""
+    """Compared with a run with the ratios of the modes one by one in their place."""
     import beadwave as library
 
     path = silent_scene(tmp_path, STRUCK + PADS + LOSS)

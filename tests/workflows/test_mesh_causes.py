@@ -1,4 +1,4 @@
-"""Why the error of a mesh is large, and whether what is offered helps."""
+"""Causes of a large error of a mesh, and that the remedies offered help."""
 
 import re
 from contextlib import nullcontext

@@ -37,7 +37,7 @@ def pipeline(*changes):
 
 
 def against(held, finer):
-    """What the run's mesh (Parts) leaves beside a finer one, both in 60 modes."""
+    """Difference of the run's mesh (Parts) from a finer one, both in 60 modes."""
     scene, begun, run = held.scene, held("start"), held("impact")
 
     def velocities(mesh):
@@ -104,7 +104,7 @@ def test_bores_and_thin_bodies_do_not_keep_the_second_mesh_fine(element):
 
 
 def test_a_mesh_that_is_hardly_coarser_tells_no_error(monkeypatch):
-    """Where none is made finer either, a sentence stands in place of a number too small."""
+    """If none is made finer either, a sentence stands in place of a number too small."""
     held, whole = pipeline("cantilever"), bodies.parts
     monkeypatch.setattr(
         bodies, "parts", lambda scene, sizes, coarser: whole(scene, sizes, coarser**0.1)

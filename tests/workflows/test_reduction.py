@@ -1,4 +1,4 @@
-"""What a scene says about patch and reduction, run on a coarse mesh."""
+"""Keys of a scene for patch and reduction, run on a coarse mesh."""
 
 from contextlib import nullcontext
 from importlib import import_module

@@ -76,7 +76,7 @@ def test_friction_and_arm_are_found_from_a_record_of_one_sphere():
 
 @pytest.mark.slow
 def test_design_foresees_the_bars_that_inspect_finds():
-    """The same sphere and sensor: within a factor of 2: the
+    """Of one sphere and sensor, within a factor of 2: the
     misfit rises more slowly than the parabola of its curvature, 1.6 times for the arm."""
     foreseen = beadwave.design(SCENE, TRUTH, find=FIND, progress=quiet)
     table = foreseen.tables[0]

@@ -1,4 +1,4 @@
-"""What a stage reads of a scene is in its key, or kept results would outlive a change of it."""
+"""Values that a stage reads of a scene are in its key, or kept results would outlive a change."""
 
 from contextlib import nullcontext
 from importlib import import_module
@@ -80,7 +80,7 @@ def test_a_stage_reads_nothing_of_a_scene_that_its_key_lacks(source, changes, re
     whole, keyed, n_checked = pipeline.scene, {}, 0
 
     def keys_of(name):
-        """What the key of a stage has, its own and that of the stages it needs."""
+        """Content of the key of a stage, its own and that of the stages it needs."""
         if name not in keyed:
             stage = pipeline._stages[name]
             reads.clear()

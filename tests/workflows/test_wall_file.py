@@ -62,7 +62,7 @@ def floating():
 
 
 def substructure_text(K, M, nodes):
-    """What *SUBSTRUCTURE MATRIX OUTPUT writes: three degrees of freedom of every node."""
+    """Text as *SUBSTRUCTURE MATRIX OUTPUT writes it: three degrees of freedom of every node."""
     named = ",".join(f" {node}" for node in nodes)
     head = f"*USER ELEMENT, NODES= {len(nodes)}, LINEAR\n** ELEMENT NODES\n**{named}\n 1, 2, 3\n"
     lines = [head]
@@ -73,7 +73,7 @@ def substructure_text(K, M, nodes):
 
 
 def test_an_abaqus_substructure_is_the_wall_that_its_matrices_are(tmp_path):
-    """The same K, M and w through .mtx and .npz: the same oscillators, half-space taken out."""
+    """K, M and w through .mtx and .npz make equal oscillators, half-space taken out."""
     K, M = chain_of_masses()
     (tmp_path / "sub.mtx").write_text(substructure_text(K, M, (7, 8)))
     w = np.array([0.75, 0, 0, 0.25, 0, 0])

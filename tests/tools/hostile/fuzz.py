@@ -154,7 +154,7 @@ def _swapped(text: bytes, chance: Random) -> bytes:
 
 
 def fault(kind: Kind, path: Path) -> str | None:
-    """What is wrong with how a file is read, None if it is read or refused in a sentence."""
+    """The fault in how a file is read, None if it is read or refused in a sentence."""
     if not kind.apart:
         return _fault(kind, path)
     receiver, sender = Pipe(duplex=False)

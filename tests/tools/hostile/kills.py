@@ -136,7 +136,7 @@ def damaged() -> None:
 
 
 def whole(path: Path) -> bool:
-    """Whether a file is complete; one that bears the mark of a part says that it is not."""
+    """True of a complete file; one that bears the mark of a part says that it is not."""
     if path.is_dir() or path.name.startswith(".beadwave"):
         return True
     match path.suffix:

@@ -19,7 +19,7 @@ MASSES = 6
 
 
 def written(write: Callable[[Path], object], ending: str) -> bytes:
-    """What `write` leaves in a file of this ending."""
+    """Bytes that `write` leaves in a file of this ending."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"sample{ending}"
         write(path)

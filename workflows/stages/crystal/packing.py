@@ -143,7 +143,7 @@ def _of_lattice(scene: Scene) -> CrystalStart:
 
 
 def _planes(scene: Scene, centre, radius, axis: int, last) -> list[space.Plane]:
-    """What the last row and the sides lean on, just touching."""
+    """Planes that the last row and the sides lean on, just touching."""
     planes = []
     gap = (centre[last, axis] + radius[last]).max() - centre[last, axis] - radius[last]
     if scene.crystal.on is not None:

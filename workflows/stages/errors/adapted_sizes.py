@@ -214,7 +214,7 @@ def _meshed(
 
 
 def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | None:
-    """What ends the search with the last mesh solved."""
+    """Reason that ends the search with the last mesh solved."""
     if found.stated - found.floor <= asked:  # what meshes can lower is as low as asked
         return "floor"
     gains = [1 - b.stated / a.stated for a, b in pairwise(solved)]

@@ -328,8 +328,8 @@ def energy_in(
     D: NDArray[np.float64],
     pushed: fem.Pushed | None = None,
 ) -> ShapeEnergy:
-    """What the mesh misses in mass-normalised shapes phi (n, k) with K phi = M phi D + what is
-    pushed."""
+    """Energy that the mesh misses in mass-normalised shapes phi (n, k) with K phi = M phi D + the
+    forces pushed."""
     connections, load = mesh.assembled, mesh.load
     sides = [side for j in connections.joints for side in (j.first, j.second) if side]
     rigid = {side.face for side in sides if side.coupling == "rigid" and np.isinf(side.within)}
