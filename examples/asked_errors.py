@@ -183,6 +183,8 @@ def compared(scene: Scene) -> list[Row]:
     )
     split: list[Goals] = []
     for times in range(3):
+        if split and 6 * split[-1].unknowns > MOST_UNKNOWNS:
+            break
         meshes = {name: geometry.refined(m, times) for name, m in of_middle.meshes.items()}
         parts = of_middle._replace(meshes=meshes)
         if times and 3 * sum(parts.nodes.values()) > MOST_UNKNOWNS:

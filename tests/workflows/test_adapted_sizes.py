@@ -16,7 +16,7 @@ from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.errors import adapted_sizes
 from beadwave.workflows.stages.structure import assembly, bodies, sizes_file
-from beadwave.workflows.stages.structure.meshed_parts import SolvedMesh
+from beadwave.workflows.stages.structure.meshed_parts import ElementSizes, SolvedMesh
 from beadwave.workflows.stages.structure.sizes_file import NUMBERS
 from beadwave.workflows.sweep.cases import base_of
 
@@ -149,6 +149,23 @@ def test_elements_follow_round_faces_and_chords_are_stated_apart(tmp_path):
     (again,) = of({**tables, "mesh": {**asked, "sizes": str(file)}})("mesh").meshes.values()
     assert np.array_equal(again.doflocs, mesh.doflocs)
     assert not is_curved(of(tables)("mesh").meshes["pin"])
+
+
+def test_double_modes_count_by_their_plane():
+    """A pin bends in any two directions: turned by 40 degrees in their plane, its modes make the
+    same parts of the elements and the same error."""
+    pin = scene({**upright({"radius": 0.01, "length": 0.03}), "mesh": {"error": 0.05, "modes": 3}})
+    sizes = ElementSizes(usual=adapted_sizes.START, curved=True)
+    solved = adapted_sizes._solved(pin, bodies.parts(pin, sizes))
+    omega, phi = solved.modes.omega, solved.modes.phi.copy()
+    assert list(adapted_sizes.planes(omega[:3])) == [0, 0, 1]
+    c, s = np.cos(np.radians(40)), np.sin(np.radians(40))
+    phi[:, :2] = phi[:, :2] @ np.array([[c, -s], [s, c]])
+    turned = solved._replace(modes=solved.modes._replace(phi=phi))
+    of, of_turned = (adapted_sizes.indicators(pin, x) for x in (solved, turned))
+    assert of_turned.stated == pytest.approx(of.stated, rel=1e-3)
+    cells = of.of_cells["pin"]
+    assert of_turned.of_cells["pin"] == pytest.approx(cells, abs=0.02 * cells.max())
 
 
 @pytest.mark.slow

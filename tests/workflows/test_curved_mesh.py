@@ -8,13 +8,13 @@ import gmsh
 import meshio
 import numpy as np
 import pytest
-from skfem import Basis, MeshHex, MeshHex2, MeshTet2
+from skfem import Basis, MeshHex, MeshHex2, MeshTet, MeshTet2
 from skfem.io.meshio import HEX_MAPPING
 
 from beadwave import fem, geometry
 from beadwave.fem.modes.mode_field import ModeField, write
 from beadwave.geometry.meshing.gmsh_session import session
-from beadwave.geometry.own_mesh.curved import is_curved
+from beadwave.geometry.own_mesh.curved import _holding, is_curved
 from beadwave.workflows.files.mesh_reader import volumes_of
 
 from command_line import beadwave
@@ -215,3 +215,14 @@ def test_modes_of_curved_cells_are_written_at_their_corners(kind, tmp_path):
     grid = meshio.read(tmp_path / "modes.vtu")
     assert len(grid.points) == mesh.nvertices
     assert [len(block.data) for block in grid.cells] == [mesh.nelements]
+
+
+def test_cells_of_a_flat_mesh_are_found_where_middles_of_others_are_nearer():
+    """Tetrahedra a hundred times as long as thick; eight small ones lie in each that was split."""
+    mesh = MeshTet.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 0.01, 9), np.linspace(0, 1, 4))
+    fine = mesh.refined()
+    middles = fine.p[:, fine.t].mean(axis=1)
+    holding = _holding(mesh, middles)
+    assert np.all(np.bincount(holding, minlength=mesh.nelements) == 8)
+    X = mesh.mapping().invF(middles[:, :, None], tind=holding)[:, :, 0]
+    assert X.min() > -1e-9 and X.sum(axis=0).max() < 1 + 1e-9
