@@ -168,6 +168,28 @@ def test_double_modes_count_by_their_plane():
     assert of_turned.of_cells["pin"] == pytest.approx(cells, abs=0.02 * cells.max())
 
 
+def test_the_compliance_at_every_chain_is_bounded():
+    """The error is that of the chain where it is largest, whichever is first; elements at each
+    chain have the parts that they have for this chain alone."""
+    two = scene("two-chains", ("mesh.error=0.02", "mesh.modes=1"))
+    above, below = two.chains
+    parts = bodies.parts(two, ElementSizes(usual=adapted_sizes.START))
+    found = {}
+    for chains in ((above, below), (below, above), (above,), (below,)):
+        of_these = two.model_copy(update={"chains": chains})
+        solved = adapted_sizes._solved(of_these, parts)
+        key = tuple(chain.name for chain in chains)
+        found[key] = adapted_sizes.indicators(of_these, solved)
+    both, swapped, one, other = found.values()
+    assert both.stated == pytest.approx(swapped.stated, rel=1e-4)
+    assert both.stated == pytest.approx(max(one.stated, other.stated), rel=1e-4)
+    assert one.stated != pytest.approx(other.stated, rel=0.02)
+    cells = both.of_cells["plate"]
+    each = np.maximum(one.of_cells["plate"], other.of_cells["plate"])
+    assert cells == pytest.approx(each, abs=1e-3 * cells.max())
+    assert np.abs(cells - one.of_cells["plate"]).max() > 0.1 * cells.max()
+
+
 @pytest.mark.slow
 def test_a_search_that_gains_little_takes_a_larger_step():
     """A tube of one layer of tetrahedra: asked for 5 %, meshes of 9 000 and 15 000 unknowns leave
@@ -346,6 +368,6 @@ def test_rigid_motions_are_no_goals_and_nothing_to_bound_is_said():
     modes.index = np.array([1, 3])
     assert adapted_sizes.goals(free, modes).tolist() == [3]
     loose = SimpleNamespace(omega=np.zeros(30), index=index)
-    solved = adapted_sizes.Solved(None, None, None, None, loose, None, None)
+    solved = adapted_sizes.Solved(None, None, None, None, loose, ())
     with pytest.raises(InvalidScene, match="first 30 modes are rigid motions; hold or join"):
         adapted_sizes.indicators(free, solved)

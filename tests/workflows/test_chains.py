@@ -249,7 +249,6 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
         ({"friction": {"coefficient": 0.1}}, r"\[friction\] is not of \[\[chains\]\]"),
         ({"reduction": {"modes": 30}}, "reduced to one error at all contacts together"),
-        ({"mesh": {"error": 0.1}}, "mesh.error is of one"),
         ({"contact": {"law": "thornton", "yield_pressure": 1e9}}, 'contact.law = "thornton"'),
         ({"chains": [TOP, TOP]}, "chains has 2 tables named 'top'"),
         ({"chains": [TOP | {"striker": None}]}, "nothing moves"),

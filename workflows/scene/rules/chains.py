@@ -30,8 +30,6 @@ def of_chains(scene: Scene) -> Iterator[str]:
             "[bodies.NAME]."
         )
         return
-    if scene.mesh.error:
-        yield "mesh.error is of one [chain]; give mesh.scale, or the sizes of elements."
 
     # one basis for all contacts together, whose modes move one by one
     if scene.reduction.kind != "free-modes" or scene.reduction.error is None:

@@ -22,7 +22,7 @@ class AskedOfMesh(SceneTable):
     """Demands on a mesh in place of sizes of elements, and the time that it may take."""
 
     # relative error from which sizes of elements follow: of the frequencies of the targets, without
-    # targets of the first elastic modes, and of the static compliance at the contact
+    # targets of the first elastic modes, and of the static compliance at each contact
     error: Annotated[float, Field(gt=0, lt=1)] | None = None
     # with `error`, without targets: the elastic modes whose frequencies are bounded
     modes: Annotated[int, Field(ge=1, le=20)] = 12

@@ -4,7 +4,7 @@
 
 until the error stated is the one asked, or a bound ends it. What is bounded is linear in the missed
 energy: the relative errors of the frequencies of the targets, without targets of the first elastic
-modes (mesh.modes), and of the static compliance at the contact of what is held. An element's part
+modes (mesh.modes), and of the static compliance at each contact of what is held. An element's part
 is the largest of its parts of these errors, each over what is allowed of it.
 
 The thesis' rig has prescribed lines: of it one factor on all sizes is chosen.
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.spatial import KDTree
 from skfem import Mesh, MeshHex
 
@@ -36,7 +37,7 @@ from beadwave.workflows.stages.errors import mesh_error
 from beadwave.workflows.stages.errors.mesh_causes import SMOOTH_ORDER as SCALE_ORDER
 from beadwave.workflows.stages.errors.mesh_causes import Cause, causes, error_places
 from beadwave.workflows.stages.structure import assembly as stages
-from beadwave.workflows.stages.structure import bodies, sizes_file
+from beadwave.workflows.stages.structure import bodies, several, sizes_file
 from beadwave.workflows.stages.structure.krylov_space import krylov_space
 from beadwave.workflows.stages.structure.meshed_parts import (
     AdaptedSizes,
@@ -90,6 +91,14 @@ class Indicators(NamedTuple):
     cause: Cause  # of the largest error
 
 
+class Contact(NamedTuple):
+    """A place that is struck."""
+
+    patch: fem.ContactPatch
+    field: fem.HalfSpaceField | None  # of the half-space there, of what is held
+    of_several: bool = False  # chains
+
+
 class Solved(NamedTuple):
     """The structure on one mesh, as far as its errors need it."""
 
@@ -98,8 +107,7 @@ class Solved(NamedTuple):
     factor: fem.Factor | None  # of K; None of what floats
     space: rom.Space | None
     modes: AssemblyModes
-    contact: fem.ContactPatch | None  # None of what is not struck
-    field: fem.HalfSpaceField | None  # of a half-space at the contact, of what is held
+    contacts: tuple[Contact, ...]  # of one chain or of several
 
     @property
     def by_stage(self) -> dict[str, Any]:
@@ -108,8 +116,8 @@ class Solved(NamedTuple):
             "mesh": self.mesh, "model": self.model, "factor": self.factor,
             "krylov-space": self.space, "modes": self.modes,
         }  # fmt: skip
-        if self.contact is not None and self.factor is not None:
-            results |= {"contact": self.contact, "half-space": self.field}
+        if len(self.contacts) == 1 and self.factor is not None and not self.contacts[0].of_several:
+            results |= {"contact": self.contacts[0].patch, "half-space": self.contacts[0].field}
         return results
 
 
@@ -193,10 +201,19 @@ def _solved(scene: Scene, mesh: Parts) -> Solved:
     factor = stages.factor(scene, model)
     space = krylov_space(scene, mesh, model, factor)
     modes = stages.modes(scene, model, space)
-    contact = mesh_error.contact_of_strike(scene, mesh, model)
-    struck = contact is not None and factor is not None
-    field = half_space_at(scene, model, contact) if struck else None
-    return Solved(mesh, model, factor, space, modes, contact, field)
+    contacts: list[Contact] = []
+    if scene.chains:
+        for face, patch, solid in several.chain_patches(scene, mesh, model):
+            field = (
+                next(fem.half_space_fields(model, face, [patch], solid))
+                if factor is not None
+                else None
+            )
+            contacts.append(Contact(patch, field, of_several=True))
+    elif (patch := mesh_error.contact_of_strike(scene, mesh, model)) is not None:
+        field = half_space_at(scene, model, patch) if factor is not None else None
+        contacts.append(Contact(patch, field))
+    return Solved(mesh, model, factor, space, modes, tuple(contacts))
 
 
 def _meshed(
@@ -229,47 +246,59 @@ def _ended(solved: list[SolvedMesh], found: Indicators, asked: float) -> str | N
 def indicators(scene: Scene, solved: Solved) -> Indicators:
     """Errors of the frequencies and of the compliance that are bounded, over the elements; raises
     InvalidScene where there are neither."""
-    mesh, model, modes, contact = solved.mesh, solved.model, solved.modes, solved.contact
-    goal = goals(scene, modes)
-    if not len(goal) and (contact is None or solved.factor is None):
+    mesh, model, modes, factor = solved.mesh, solved.model, solved.modes, solved.factor
+    goal, contacts = goals(scene, modes), solved.contacts if factor is not None else ()
+    if not len(goal) and not contacts:
         raise InvalidScene(
             f"{scene.name}: mesh.error bounds frequencies, and the first {len(modes.omega)} modes "
             "are rigid motions; hold or join the bodies, or take mesh.scale in its place."
         )
-    omega, u, whole, pushed = modes.omega[goal], modes.phi[:, goal], None, None
-    D, allowed = omega**2, omega**2 * ((1 - scene.mesh.error) ** -2 - 1)
-    if contact is not None and solved.factor is not None:
-        # the static response: K u = w
-        static = solved.factor.solve(contact.w)
-        whole = float(contact.w @ static)
-        u, D = np.column_stack([u, static]), np.append(D, 0.0)
-        allowed = np.append(allowed, scene.mesh.error * whole)
-        if solved.field is not None:
-            pushed = fem.Pushed(np.append(np.zeros(len(goal)), 1.0)[:, None], solved.field)
-    energy = mesh_error.energy_in(scene, mesh, model, u, np.diag(D), pushed)
+    omega = modes.omega[goal]
+    # the static responses: K u = w
+    static = [factor.solve(contact.patch.w) for contact in contacts]
+    whole = np.array([c.patch.w @ u for c, u in zip(contacts, static, strict=True)])
+    allowed = omega**2 * ((1 - scene.mesh.error) ** -2 - 1)
+    allowed = np.append(allowed, scene.mesh.error * whole)
+
+    # modes with the first contact, further ones each by itself: one half-space is taken off
+    energies = []
+    for i in range(max(len(contacts), 1)):
+        u, D = (modes.phi[:, goal], omega**2) if i == 0 else (np.empty((len(modes.phi), 0)), [])
+        pushed = None
+        if contacts:
+            u, D = np.column_stack([u, static[i]]), np.append(D, 0.0)
+            if (field := contacts[i].field) is not None:
+                pushed = fem.Pushed(np.append(np.zeros(len(D) - 1), 1.0)[:, None], field)
+        energies.append(mesh_error.energy_in(scene, mesh, model, u, np.diag(D), pushed))
+    G, dents = (block_diag(*each) for each in zip(*((e.G, e.dents) for e in energies), strict=True))
+    missed = [each.missed for each in energies]
+    of_cells = {
+        body: np.concatenate([m.of_cells[body] for m in missed], axis=1) for body in mesh.meshes
+    }
+    of_axes = {
+        body: np.concatenate([m.of_axes[body] for m in missed], axis=2)
+        for body in missed[0].of_axes
+    }
 
     # modes of one frequency are any two of their plane, which rounding turns: an element's part is
     # their sum, the error the largest in the plane
-    groups = np.append(planes(omega), len(goal)) if whole is not None else planes(omega)
+    groups = np.append(planes(omega), len(goal) + np.arange(len(contacts)))
     same = groups[:, None] == groups
 
     def relative(G: NDArray[np.float64]) -> NDArray[np.float64]:
         largest = np.array([np.linalg.eigvalsh(G[np.ix_(plane, plane)])[-1] for plane in same])
         of_modes = 1 - 1 / np.sqrt(1 + largest[: len(goal)] / omega**2)
-        return of_modes if whole is None else np.append(of_modes, largest[-1] / whole)
+        return np.append(of_modes, largest[len(goal) :] / whole)
 
-    errors = relative(energy.G)
+    errors = relative(G)
     worst = int(np.argmax(errors))
     over = {body: mesh_error.factor(mesh, body) / allowed for body in mesh.meshes}
     return Indicators(
         float(errors[worst]),
-        float(relative(energy.dents).max()),
-        {body: (over[body] * e @ same).max(axis=1) for body, e in energy.missed.of_cells.items()},
-        {
-            body: np.maximum((over[body] * e @ same).max(axis=2), 0.0)
-            for body, e in energy.missed.of_axes.items()
-        },
-        causes(mesh, energy.missed.of_cells)[worst],
+        float(relative(dents).max()),
+        {body: (over[body] * e @ same).max(axis=1) for body, e in of_cells.items()},
+        {body: np.maximum((over[body] * e @ same).max(axis=2), 0.0) for body, e in of_axes.items()},
+        causes(mesh, of_cells)[worst],
     )
 
 

@@ -31,10 +31,18 @@ class ChainContacts(NamedTuple):
     surface: tuple[rom.Contact, ...]  # material of the face struck
 
 
-def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
-    """The patches of all chains and the half-spaces under them, on the mesh of the body that each
-    strikes. Raises InvalidScene where a patch leaves its face, and for a face that is not plane."""
-    columns, points, directions, local, surfaces = [], [], [], [], []
+class ChainPatch(NamedTuple):
+    """The contact of one of several chains, on the mesh of the body that it strikes."""
+
+    face: str  # in the mesh, "body:name"
+    patch: fem.ContactPatch
+    material: fem.Material | fem.Orthotropic
+
+
+def chain_patches(scene: Scene, mesh: Parts, model: fem.Model) -> list[ChainPatch]:
+    """The patches of all chains. Raises InvalidScene where one leaves its face, and for a face that
+    is not plane."""
+    patches = []
     for name, one in scene.of_each_chain.items():
         strike, key = one.strike, f"chains.{name}"
         face, material = mesh.face(chain_face(name)), solid(scene, one.struck_body)
@@ -49,6 +57,15 @@ def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
         except ValueError as error:
             why = str(error).replace(face, strike.on)
             raise InvalidScene(f"{scene.name}: {key}: {why.rstrip('.')}.") from None
+        patches.append(ChainPatch(face, patch, material))
+    return patches
+
+
+def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
+    """The patches of all chains and the half-spaces under them. Raises InvalidScene as
+    `chain_patches`."""
+    columns, points, directions, local, surfaces = [], [], [], [], []
+    for face, patch, material in chain_patches(scene, mesh, model):
         columns.append(patch.w)
         points.append(patch.spot.point)
         directions.append(patch.spot.inward)
