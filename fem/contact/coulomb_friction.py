@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 MAX_STEPS = 40  # of Newton's method in a load step, which took 2 to 8
 CONVERGED = 1e-9  # of the forces, over the largest
 BROUGHT_BACK = 1 / 300  # b of `_equilibrium`: layers are 300 times stiffer than elements
+# load over what slips of a facet, from which on it joins those that changed: each time that these
+# grow their compliance is gathered anew
+NEARLY = 0.9
 HALVINGS = 6  # of a load step that does not converge
 
 
@@ -61,12 +64,24 @@ class Loaded(NamedTuple):
         return alpha * self.compliance + float(self.openings @ s)
 
 
+class Part(NamedTuple):
+    """Rows of an interface by themselves, as if its other facets neither opened nor slipped."""
+
+    facets: NDArray[np.bool_]  # (m,)
+    rows: NDArray[np.int64]  # (r,)
+    interface: FrictionInterface
+    W: NDArray[np.float64]  # (r, m + 2 s) [m/N] compliance of all rows by forces on these
+
+
 class SlipState(NamedTuple):
     """State of the facets after a load step."""
 
     alpha: float
     s: NDArray[np.float64]  # (m + 2 s,) [N] beyond the linear model
     slips: NDArray[np.bool_]  # (s,) in this step
+    part: Part | None = None  # the facets that have opened, closed or slipped so far
+    step: float = 0.0  # by which alpha has changed
+    change: NDArray[np.float64] | float = 0.0  # (m + 2 s,) of s in it
 
 
 def loaded_to(loaded: Loaded, state: SlipState, alpha: float, n_steps: int = 1) -> SlipState:
@@ -97,10 +112,63 @@ class Unmet(NamedTuple):
     slips: NDArray[np.bool_]  # (s,)
     n: NDArray[np.float64]  # (2, s) direction of friction where a facet slips
     share: NDArray[np.float64]  # (s,) mu P over the length that is brought back to it
+    load: NDArray[np.float64]  # (s,) that length over mu P
+
+
+def part_of(interface: FrictionInterface, facets: NDArray[np.bool_]) -> Part:
+    """Facets (m,) of an interface."""
+    at, m, n_stuck = np.flatnonzero(facets), interface.m, len(interface.stuck)
+    of_stuck = np.flatnonzero(facets[interface.stuck])
+    rows = np.concatenate([at, m + of_stuck, m + n_stuck + of_stuck])
+    W = interface.W[rows]
+    number = np.cumsum(facets) - 1
+    own = FrictionInterface(
+        W=W[:, rows],
+        stuck=number[interface.stuck[of_stuck]],
+        closed=interface.closed[at],
+        normal=interface.normal[at],
+        force=interface.force[at],
+        gap=interface.gap[at],
+        across=interface.across[of_stuck],
+        shear=interface.shear[:, of_stuck],
+        friction=interface.friction[of_stuck],
+    )
+    return Part(facets, rows, own, W)
 
 
 def _equilibrium(loaded: Loaded, before: SlipState, alpha: float) -> SlipState | None:
-    """The state after a load step; None where the semi-smooth Newton method does not converge.
+    """The state after a load step; None where Newton's method does not converge. Solved on the
+    facets that have opened, closed or slipped so far, to which come those that then would."""
+    interface, linear = loaded.interface, alpha * loaded.openings
+    largest = np.abs(interface.force).max(initial=0.0)
+    scale = max(np.abs(interface.layers * linear).max(initial=0.0), largest)
+    part = before.part or part_of(interface, np.zeros(interface.m, bool))
+    # a guess, as the step before was, unless the load turns
+    step, s = alpha - before.alpha, before.s
+    if step * before.step > 0:
+        s = s + step / before.step * before.change
+    while True:
+        rows = part.rows
+        solved = _newton(part.interface, before.s[rows], s[rows], linear[rows], scale)
+        if solved is None:
+            return None
+        s = np.zeros(len(linear))
+        s[rows] = solved
+        unmet = _unmet(interface, before.s, s, linear + solved @ part.W)
+        moved = unmet.opens | unmet.closes
+        moved[interface.stuck[unmet.slips]] = True
+        if not np.any(moved & ~part.facets):
+            return SlipState(alpha, s, unmet.slips, part, step, s - before.s)
+        moved[interface.stuck[unmet.load > NEARLY]] = True
+        part = part_of(interface, part.facets | moved)
+
+
+def _newton(
+    interface: FrictionInterface, s_before: NDArray, s: NDArray, linear: NDArray, scale: float
+) -> NDArray[np.float64] | None:
+    """Forces (m + 2 s,) [N] beyond the linear model at its openings `linear` (m + 2 s,) [m], from a
+    guess s; None where the semi-smooth Newton method does not converge to CONVERGED times `scale`
+    [N].
 
     With d = alpha d_1 + W s the forces are T = T_0 + s_t - k d_t and P = P_0 + s_n - k d_n, so that
     s_t less that of the step before is k times the slip, s_n of a closed facet k times its opening:
@@ -111,16 +179,10 @@ def _equilibrium(loaded: Loaded, before: SlipState, alpha: float) -> SlipState |
     Newton's method diverged beyond some slip: layers are far stiffer than bodies. Facets that are
     open in the linear model have P = s_n, and h = k (d_n + gap) + s_n in place of s_n.
     """
-    interface, linear = loaded.interface, alpha * loaded.openings
-    largest = np.abs(interface.force).max(initial=0.0)
-    scale = max(np.abs(interface.layers * linear).max(initial=0.0), largest)
-    s = before.s
     for _ in range(MAX_STEPS):
-        changed = np.flatnonzero(s)
-        d = linear + s[changed] @ interface.W[changed]  # rows of W are its columns
-        unmet = _unmet(interface, before.s, s, d)
+        unmet = _unmet(interface, s_before, s, linear + interface.W @ s)
         if np.abs(unmet.F).max(initial=0.0) <= CONVERGED * scale:
-            return SlipState(alpha, s, unmet.slips)
+            return s
         try:
             s = s + _newton_step(interface, unmet)
         except np.linalg.LinAlgError:  # nothing holds what the faces let go
@@ -151,7 +213,8 @@ def _unmet(interface: FrictionInterface, s_before: NDArray, s: NDArray, d: NDArr
     F = s - s_before
     F[:m] = np.where(opens, P, np.where(closes, apart, s[:m]))
     F[m:] = np.where(slips, T - limit * n, F[m:].reshape(2, -1)).ravel()
-    return Unmet(F, opens, closes, slips, n, np.where(slips, limit / np.where(slips, length, 1), 0))
+    share = np.where(slips, limit / np.where(slips, length, 1.0), 0.0)
+    return Unmet(F, opens, closes, slips, n, share, length / np.maximum(limit, 1e-300))
 
 
 def _newton_step(interface: FrictionInterface, unmet: Unmet) -> NDArray[np.float64]:
@@ -159,38 +222,41 @@ def _newton_step(interface: FrictionInterface, unmet: Unmet) -> NDArray[np.float
     the linearised equations of those that do."""
     W, m, k = interface.W, interface.m, interface.layers
     moved, at = np.flatnonzero(unmet.opens | unmet.closes), np.flatnonzero(unmet.slips)
-    tangents = [m + at, m + len(interface.stuck) + at]
+    tangents = m + at, m + len(interface.stuck) + at
     active = np.concatenate([moved, *tangents])
     step = -unmet.F
     step[active] = 0.0
     if not len(active):
         return step
 
-    # change of s - k d and of s + k d by the active s, and by the steps that are known
-    known = np.flatnonzero(step)
-    by_known = step[known] @ W[known]
-
-    def changes(rows: NDArray[np.int64], sign: NDArray | float = -1.0) -> tuple[NDArray, NDArray]:
-        factor = sign * k[rows]
-        own = (rows[:, None] == active) + factor[:, None] * W[rows][:, active]
-        return own, step[rows] + factor * by_known[rows]
+    # change of P and T of these rows, s - k d, and of h, s + k d, by the active s, and by the steps
+    # that are known
+    rows = np.concatenate([moved, interface.stuck[at], *tangents])
+    factor = -k[rows]
+    factor[: len(moved)][unmet.closes[moved]] *= -1.0
+    J = factor[:, None] * W[np.ix_(rows, active)]
+    column = np.full(len(k), -1)
+    column[active] = np.arange(len(active))
+    own = np.flatnonzero(column[rows] >= 0)
+    J[own, column[rows[own]]] += 1.0
+    given = np.flatnonzero(step)
+    known = step[rows] + factor * (step[given] @ W[given])[rows]
 
     # P of those that open, h of those that close; friction less mu P n of those that slip
-    J, known_changes = changes(moved, np.where(unmet.opens[moved], -1.0, 1.0))
-    blocks, known_blocks = [J], [known_changes]
-    of_P, known_P = changes(interface.stuck[at])
-    of_T = [changes(rows) for rows in tangents]
+    ends = len(moved) + len(at) * np.arange(3)
+    of_moved, of_P, *of_T = np.split(J, ends)
+    known_moved, known_P, *known_T = np.split(known, ends)
     n, share, mu = unmet.n[:, at], unmet.share[at], interface.friction[at]
+    equations, changes = [of_moved], [known_moved]
     for i in range(2):
-        block, known_block = -(mu * n[i])[:, None] * of_P, -mu * n[i] * known_P
-        for j, rows in enumerate(tangents):
+        equation, change = -(mu * n[i])[:, None] * of_P, -mu * n[i] * known_P
+        for j in range(2):
             turns = share * (float(i == j) - n[i] * n[j])
-            block = block + (float(i == j) - turns)[:, None] * of_T[j][0]
-            block += (BROUGHT_BACK * turns)[:, None] * (rows[:, None] == active)
-            known_block = known_block + (float(i == j) - turns) * of_T[j][1]
-        blocks.append(block)
-        known_blocks.append(known_block)
-    step[active] = np.linalg.solve(
-        np.vstack(blocks), -unmet.F[active] - np.concatenate(known_blocks)
-    )
+            equation += (float(i == j) - turns)[:, None] * of_T[j]
+            equation[np.arange(len(at)), column[tangents[j]]] += BROUGHT_BACK * turns
+            change += (float(i == j) - turns) * known_T[j]
+        equations.append(equation)
+        changes.append(change)
+    right = -unmet.F[active] - np.concatenate(changes)
+    step[active] = np.linalg.solve(np.vstack(equations), right)
     return step

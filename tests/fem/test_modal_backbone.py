@@ -85,7 +85,7 @@ def test_the_deviation_of_a_loss_covers_the_facets_of_two_meshes(n):
     which is met within the 1 % of its first point."""
     forces = np.geomspace(0.02, 0.9, 12) * FRICTION
     cycle = np.pi * forces**2 / EA
-    found = list(loops(pressed_bar(n), forces))
+    found = list(loops(pressed_bar(n), forces, 16))
     loss = np.array([loop.dissipated for loop in found]) / cycle
     n_slip = np.array([loop.slipped.sum() for loop in found])
     deviation = facet_deviation(forces, loss, n_slip)

@@ -12,6 +12,15 @@ from scipy.sparse.linalg import eigsh
 from skfem.io.meshio import HEX_MAPPING
 
 from beadwave import InvalidScene, modes, reduce, sweep
+from beadwave.fem.contact.coulomb_friction import Loaded, SlipState, loaded_to
+from beadwave.fem.contact.modal_backbone import (
+    CLOSED,
+    LOSS_OF_UNCLOSED,
+    cycle,
+    friction_interface,
+    loops,
+    whole_slip,
+)
 from beadwave.fem.modes.mac import BodyForms, BodyMotion
 from beadwave.fem.updating.tuning import TuningBasis, TuningParameter, tune
 from beadwave.workflows.scene.toml import resolved, toml
@@ -428,6 +437,26 @@ def test_a_sweep_of_a_beam_without_a_chain_has_its_modes(tmp_path):
     assert found["status"].tolist() == ["done", "done", "refused"]
     assert found["mode_1_hz"][0] == pytest.approx(4 * found["mode_1_hz"][1], rel=1e-3)
     assert found["error_mesh"][0] < 0.01
+
+
+@pytest.mark.slow
+def test_a_loss_at_a_small_amplitude_is_that_after_many_cycles():
+    """The first cycle wears off the shear that the preload left at its limit, and so loses more."""
+    pipeline = pipeline_of(resolved(plates({"model": "contact"}), "plates.toml"), quiet)
+    model, computed = pipeline("model"), pipeline("modes")
+    interface, C = friction_interface(model)
+    phi, omega = computed.phi[:, 7], computed.omega[7]
+    loaded = Loaded(interface, C @ phi / omega**2, 1 / omega**2)
+    peak = 0.05 * whole_slip(loaded, np.zeros(interface.m, int))
+    none = np.zeros(len(interface.stuck), bool)
+    first = cycle(loaded, loaded_to(loaded, SlipState(0.0, 0 * interface.layers, none), peak), 8)
+    (loop,) = loops(loaded, [peak])
+    later = loop
+    for _ in range(20):
+        later = cycle(loaded, later.end, 8)
+    off = abs(loop.dissipated - later.dissipated)
+    assert off < LOSS_OF_UNCLOSED * CLOSED * later.dissipated and loop.unclosed <= CLOSED
+    assert first.dissipated > 10 * later.dissipated
 
 
 @pytest.mark.slow
