@@ -9,9 +9,9 @@ from beadwave.workflows.scene.tables.walls import gives_way
 from beadwave.workflows.sweep.cases import Base, groups
 from beadwave.workflows.sweep.core.design import Design
 from beadwave.workflows.sweep.marched_group import rows
-from beadwave.workflows.sweep.models import is_kept, models, shared_wall
+from beadwave.workflows.sweep.models import has_spheres, is_kept, models, shared_wall
 from beadwave.workflows.sweep.sweep import AT_ONCE
-from beadwave.workflows.sweep.tasks import CHUNK, sharing
+from beadwave.workflows.sweep.tasks import CHUNK, pressed_keys, sharing, sharings
 
 Item = TypeVar("Item")
 
@@ -76,9 +76,12 @@ def price(base: Base, design: Design, workers: int) -> Price:
         seconds_model = perf_counter() - started
     notes = [*refusals[:1], *([model] if isinstance(model, str) else [])]
 
-    # seconds a case, on the first wall
-    seconds_case, memory_GB = 0.0, 0.0
-    if walls:
+    # seconds a case: without spheres of its modes, else on the first wall
+    seconds_case, memory_GB, of_modes = 0.0, 0.0, None
+    if walls and not has_spheres(walls[0].scene):
+        of_modes = price_of_modes(base, design, n_refused, here=workers == 1)
+        seconds_case, notes = of_modes.seconds_case, notes + of_modes.notes
+    elif walls:
         first = walls[0]
         reduced = models(first.source) if first.key is not None else None
         shared, checked = shared_wall(first.scene, first.source, reduced), first.tasks[-1].checked
@@ -111,11 +114,57 @@ def price(base: Base, design: Design, workers: int) -> Price:
             for key in slow
         ]
     seconds = seconds_case * (design.n_cases - n_refused) + seconds_model * max(0, n_missing - 1)
+    if of_modes:
+        seconds = of_modes.seconds
     return Price(
         design.n_cases, n_refused, round(len(all_groups) * len(walls) / len(sample)), n_models,
         n_missing, n_side_by_side, seconds_case, seconds_model, workers, seconds / workers,
         memory_GB, tuple(notes),
     )  # fmt: skip
+
+
+class PriceOfModes(NamedTuple):
+    """Seconds to expect of cases without spheres."""
+
+    seconds_case: float  # of a further case
+    seconds: float  # of all that are not kept
+    notes: list[str]  # why the first one fails, and what cases share
+
+
+def price_of_modes(base: Base, design: Design, n_refused: int, *, here: bool) -> PriceOfModes:
+    """Timed on two cases that are not kept, of which the first has besides what all share: the mesh
+    and, in this process, faces in contact whose preload, friction or roughness varies."""
+    times, notes, key, n_kept, n_seen = [], [], None, 0, 0
+    cases = spread(range(design.n_cases))
+    for group in sharings(base, design, cases, False, here=here):
+        if group.scene is None:
+            continue
+        # cases of a family are computed each time, others may be kept
+        family, n_seen = group.source.family, n_seen + 1
+        if family is None and group.source.pipeline.kept("modes"):
+            n_kept += 1
+            continue
+        if len(times) == 2 or (times and family is not key):
+            continue
+        key, started = family, perf_counter()
+        shared = shared_wall(group.scene, group.source, None)
+        found = rows(group.tasks[-1].checked, shared, False)
+        times.append(perf_counter() - started)
+        notes += [said for piece in found for said in piece.columns["message"] if said]
+
+    n = round((design.n_cases - n_refused) * (1 - n_kept / max(n_seen, 1)))
+    if not times:
+        return PriceOfModes(0.0, 0.0, notes)
+    once, case = max(times[0] - times[-1], 0.0), times[-1]
+    if key is None:
+        # the cases timed are kept, and so is what they share
+        return PriceOfModes(case, case * max(n - len(times), 0), notes[:1])
+    varied = pressed_keys(base, design)
+    others = zip(*(design.columns[k] for k in design.keys if k not in varied), strict=True)
+    n_families = max(len(set(map(repr, others))), 1)
+    shared = max(n_families * once - key.seconds_kept, 0.0)
+    said = f"{shared:.2g} s of these are for meshes and faces that cases share."
+    return PriceOfModes(case, shared + n * case, [*notes[:1], said])
 
 
 def spread(items: Sequence[Item], n: int = 100) -> list[Item]:

@@ -58,6 +58,11 @@ class PressedFamily:
         modes = (self.shapes, self._pipeline("modes"))[1]
         return self._pipeline("missed-energy").of_frequencies(modes.omega)
 
+    @property
+    def seconds_kept(self) -> float:
+        """Seconds that its results took which another family of these scenes finds kept."""
+        return sum(report.seconds for report in self._pipeline.reports if not report.cached)
+
     def modes_about(self, model: fem.Model) -> FurtherModes:
         """The modes about another state."""
         n_modes = self.shapes.shape[1] - N_GUARDS
