@@ -13,7 +13,7 @@ from skfem import Mesh, MeshHex
 from skfem.io.meshio import HEX_MAPPING
 from skfem.quadrature import get_quadrature
 
-from beadwave.geometry.own_mesh.curved import EDGES, curved
+from beadwave.geometry.own_mesh.curved import EDGES, STRAIGHT, curved
 
 # of a chord, by which the middle may leave it: a nearest point farther off is on another part of
 # the surface. Of 6 edges around a circle it is 0.13
@@ -54,7 +54,7 @@ def middles_of(
     middle = np.concatenate([NO_MIDDLES.points, *points])[::-1][first]
     bulge = np.linalg.norm(middle - p[ends].mean(axis=1), axis=1)
     length = np.linalg.norm(p[ends[:, 1]] - p[ends[:, 0]], axis=1)
-    kept = (bulge > 0) & (bulge < LARGEST_BULGE * length)
+    kept = (bulge > STRAIGHT * length) & (bulge < LARGEST_BULGE * length)
     return EdgeMiddles(ends[kept], middle[kept])
 
 
@@ -94,3 +94,14 @@ def followed(mesh: Mesh, middles: EdgeMiddles) -> Mesh:
             return whole
         bent &= ~np.isin(key_of_cells, key_of_cells[folded][bent[folded]])
     return mesh
+
+
+def straightened_share(mesh: Mesh, middles: EdgeMiddles) -> float:
+    """Share of the edges with these middles that `followed` leaves straight."""
+    bent = followed(mesh, middles)
+    if bent is mesh:
+        return float(len(middles.ends) > 0)
+    off = bent.doflocs[:, bent.dofs.edge_dofs[0]] - mesh.p[:, mesh.edges].mean(axis=1)
+    length = np.linalg.norm(np.diff(mesh.p[:, mesh.edges], axis=1)[:, 0], axis=0)
+    n = np.count_nonzero(np.linalg.norm(off, axis=0) > STRAIGHT / 2 * length)
+    return 1 - n / len(middles.ends)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import beadwave
+from beadwave import geometry
 from beadwave.geometry.own_mesh.curved import is_curved
 from beadwave.geometry.quality import volume_of
 from beadwave.workflows.files.scene import scene
@@ -166,6 +167,22 @@ def test_double_modes_count_by_their_plane():
     assert of_turned.stated == pytest.approx(of.stated, rel=1e-3)
     cells = of.of_cells["pin"]
     assert of_turned.of_cells["pin"] == pytest.approx(cells, abs=0.02 * cells.max())
+
+
+def test_rings_of_nearly_one_radius_stay_tied_when_their_elements_are_split():
+    """Chords of ten edges are twice as high as the ring beyond the smaller one is wide: cells
+    would fold, and straight edges leave the other body's rim."""
+    tubes = {
+        name: {"cylinder": {"radius": r, "length": 0.048, "bore": 0.0125}, "at": [0, 0, z]}
+        for name, r, z in (("low", 0.02176, 0.024), ("high", 0.0215, 0.072))
+    }
+    table = {"held": ["low:-z"], "material": "steel", "touching": "tied"}
+    rings = scene(upright({}) | {"bodies": tubes, "assembly": table, "mesh": {"element": "tet"}})
+    parts = bodies.parts(rings, ElementSizes(usual=adapted_sizes.START, curved=True))
+    assert max(map(abs, parts.chords.values())) < 1e-4
+    split = {name: geometry.refined(mesh) for name, mesh in parts.meshes.items()}
+    model = assembly.model(rings, parts._replace(meshes=split))
+    assert model.K.shape[0] > 0
 
 
 def test_the_compliance_at_every_chain_is_bounded():
