@@ -199,6 +199,8 @@ def condensed_on(
         return bordered, (bordered.compliance + bordered.compliance.T) / 2
     factor = factorised(A, recovered=np.inf if shifted else recovered)
     _require_recovered(A, factor, recovered, rows)
+    if isinstance(factor, Cholesky):
+        return factor, factor.compliance(C, AT_ONCE)
     W = np.empty((C.shape[0],) * 2)
     for first in range(0, len(W), AT_ONCE):
         block = slice(first, first + AT_ONCE)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvalsh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf, dtfsm, dtrttf
-from scipy.sparse import csc_matrix, tril
+from scipy.sparse import csc_matrix, csr_matrix, tril
 
 from beadwave.fem.modes.solver.grouping import Groups
 from beadwave.fem.modes.solver.nested_dissection import edges, nested_dissection
@@ -136,20 +136,63 @@ class Cholesky:
         if not b.size:  # refused by LAPACK
             return np.zeros(b.shape)
         y = b[self._order].reshape(len(b), -1).astype(float, copy=False)
-        pairs = [pair for pair in zip(self._fronts, self.blocks, strict=True) if len(pair[1][0])]
+        all_fronts = np.arange(len(self._fronts))
+        self._substitute(y, all_fronts, all_fronts)
+        x = np.empty_like(y)
+        x[self._order] = y
+        return x.reshape(b.shape)
+
+    def compliance(self, C: csr_matrix, at_once: int) -> NDArray[np.float64]:
+        """C A^-1 C^T (r, r) of rows C (r, n), `at_once` of them together.
+
+        Rows that read few unknowns need the fronts of these alone, and those of their ancestors:
+        forward of the rows themselves, backward of the rows that are still to come, as the
+        compliance is symmetric (Gilbert and Peierls, SIAM J. Sci. Stat. Comput. 9 (1988) 862).
+        """
+        C = csr_matrix(C[:, self._order])
+        columns = np.split(C.indices, C.indptr[1:-1])
+        sequence = np.argsort([c.min(initial=C.shape[1]) for c in columns], kind="stable")
+        C, W = C[sequence], np.empty((C.shape[0],) * 2)
+        for first in range(0, len(W), at_once):
+            block, later = slice(first, first + at_once), slice(first, None)
+            rows, others = C[block], C[later]
+            y = rows.T.toarray()
+            self._substitute(y, self._reached(rows.indices), self._reached(others.indices))
+            W[later, block] = others @ y
+            W[block, later] = W[later, block].T
+        place = np.argsort(sequence)
+        return W[np.ix_(place, place)]
+
+    def _reached(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Fronts (k,), ascending, that eliminate some of these positions, and their ancestors."""
+        sizes = [front.end - front.first for front in self._fronts]
+        reached = np.zeros(len(sizes), dtype=bool)
+        reached[np.repeat(np.arange(len(sizes)), sizes)[np.unique(positions)]] = True
+        for i, front in enumerate(self._fronts):  # children before their parents
+            reached[i] |= reached[list(front.children)].any()
+        return np.flatnonzero(reached)
+
+    def _substitute(
+        self, y: NDArray[np.float64], below: NDArray[np.int64], above: NDArray[np.int64]
+    ) -> None:
+        """Solve L L^T x = y (n, k) in place, forward through some fronts and back through others,
+        whose positions alone are solved."""
         with one_thread():
             # L y = b, children before their parents
-            for front, (L11, L21) in pairs:
+            for i in below:
+                front, (L11, L21) = self._fronts[i], self.blocks[i]
+                if not len(L11):
+                    continue
                 y_1 = dtfsm(1.0, L11, y[front.first : front.end], uplo="L")
                 y[front.first : front.end] = y_1
                 y[front.boundary] -= L21 @ y_1
             # L^T x = y, parents before their children
-            for front, (L11, L21) in reversed(pairs):
+            for i in above[::-1]:
+                front, (L11, L21) = self._fronts[i], self.blocks[i]
+                if not len(L11):
+                    continue
                 x_1 = y[front.first : front.end] - L21.T @ y[front.boundary]
                 y[front.first : front.end] = dtfsm(1.0, L11, x_1, uplo="L", trans="T")
-        x = np.empty_like(y)
-        x[self._order] = y
-        return x.reshape(b.shape)
 
 
 def plan(groups: Groups) -> Elimination:
