@@ -67,8 +67,8 @@ CIRCLE_NODES = 45.0  # the same in the space around a circle, in which they grow
 POINT_NODES = 35.0  # the same in the half-space at a fine point of the surface
 MAX_NODES = 5e6  # nodes of a body beyond which it is refused: no machine at hand solves it
 
-# share of the curved edges that may stay straight. Of 18 bodies with bores one has more, 5 %: a ring
-# 0.26 mm wide between circles of 21.5 mm radius
+# share of the curved edges that may stay straight. Of 18 bodies with bores one has more, 5 %, in a
+# ring 0.26 mm wide between circles of 21.5 mm radius
 MOST_STRAIGHTENED = 0.01
 
 DEFAULT = Sizes()
