@@ -349,6 +349,7 @@ def test_cases_of_a_sweep_share_the_sizes_of_the_scene(tmp_path):
     assert any("more than mesh.error asks for in 1 of 2 cases" in note for note in table.notes)
 
 
+@pytest.mark.slow
 def test_a_fit_is_repeated_with_the_sizes_that_its_values_ask_for(tmp_path):
     """An arm on a joint that is soft in the scene, where the first mode turns the arm as it is, and
     stiff in the structure, where it bends."""
@@ -359,6 +360,7 @@ def test_a_fit_is_repeated_with_the_sizes_that_its_values_ask_for(tmp_path):
     assert result.scene.sizes_of is result.scene
 
 
+@pytest.mark.slow
 def test_reduce_and_tune_say_as_json_what_the_mesh_came_to(tmp_path, capsys):
     file = tmp_path / "arm.toml"
     file.write_text(ARM + "[strike]\non = 'arm:+z'\nradius = 0.002\n")
