@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import Sensor, measured_in_runs, signals
-from beadwave.dem import Trajectory
+from beadwave.dem import Trajectory, march
 from beadwave.dem.sensitivities import march_with_sensitivities
 from beadwave.workflows.fit.aligned_signals import Filter, Signals
 from beadwave.workflows.fit.marched_system import ChainsRig, ChainsRun, Rig
@@ -260,7 +260,7 @@ class StructureForward(NamedTuple):
         self, values: NDArray[np.float64], t: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(k, m) of one run with values (q,) at the times t (k,) [s] since its first touch."""
-        return self._sensed([self.system(values).march(t[-1], self.dt)], t)[..., 0]
+        return self._sensed([self._run(self.system(values), t[-1])], t)[..., 0]
 
     def signals(
         self, unknowns: Unknowns, theta: NDArray[np.float64], shots: Sequence[MeasuredRecord]
@@ -316,15 +316,24 @@ class StructureForward(NamedTuple):
     def _runs(self, values, lengths) -> list[Trajectory | RubbingRun | ChainsRun]:
         """A run with each of the values (q,), as long as its length [s]."""
         systems = [self.system(v) for v in values]
-
-        def run(system: Rig | ChainsRig, length: float) -> Trajectory | RubbingRun | ChainsRun:
-            return system.march(length, self.dt)
-
         # below 10 000 steps of all runs together threads would cost more than they save
         if sum(lengths) < 10_000 * self.dt:
-            return list(map(run, systems, lengths))
+            return list(map(self._run, systems, lengths))
         with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            return list(pool.map(run, systems, lengths))
+            return list(pool.map(self._run, systems, lengths))
+
+    def _run(self, system: Rig | ChainsRig, duration: float) -> Trajectory | RubbingRun | ChainsRun:
+        """A run of whole steps of dt, the last of which may end after the duration [s]."""
+        if isinstance(system, ChainsRig):
+            return system.march(duration, self.dt)
+        if system.across is not None:
+            from beadwave.workflows.fit.friction_fit import march_rubbing
+
+            return march_rubbing(system, duration, self.dt)
+        n = int(np.ceil(duration / self.dt))
+        return march(
+            system.chain, system.wall, system.v0, duration=n * self.dt, dt=self.dt, n_save=n
+        )
 
     def _sensed(
         self,

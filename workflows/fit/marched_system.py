@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from beadwave.dem import Chain, Trajectory, Wall, march, space
+from beadwave.dem import Chain, Wall, space
 from beadwave.dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 
 if TYPE_CHECKING:
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from beadwave.coupling.spatial_march import ShakerForces
     from beadwave.coupling.spatial_wall import SpatialWall
     from beadwave.dem.lateral import LastSphere
-    from beadwave.workflows.fit.friction_fit import RubbingRun
 
 
 class RubbingSurface(NamedTuple):
@@ -48,16 +47,6 @@ class Rig(NamedTuple):
         """Time within which the stiffest contact moves [s]."""
         return STEPS_PER_TIME_SCALE * self.step
 
-    def march(self, duration: float, dt: float) -> Trajectory | RubbingRun:
-        """A run of whole steps of dt [s], the last of which may end after the duration [s]; saved
-        at each."""
-        if self.across is not None:
-            from beadwave.workflows.fit.friction_fit import march_rubbing
-
-            return march_rubbing(self, duration, dt)
-        n = int(np.ceil(duration / dt))
-        return march(self.chain, self.wall, self.v0, duration=n * dt, dt=dt, n_save=n)
-
 
 class ChainsRun(NamedTuple):
     """A march of several chains, each as a run of its own at the times t (k,) [s]."""
@@ -88,7 +77,8 @@ class ChainsRig(NamedTuple):
         return STEPS_PER_TIME_SCALE * self.step
 
     def march(self, duration: float, dt: float) -> ChainsRun:
-        """As of one chain."""
+        """A run of whole steps of dt [s], the last of which may end after the duration [s]; saved
+        at each."""
         n = int(np.ceil(duration / dt))
         run = space.march(
             self.rows.packing, self.structure, self.rows.velocity,
