@@ -80,9 +80,9 @@ class PeriodicSearch(NamedTuple):
     samples: float = 5.0  # over a period of the fastest contact, at first
     cells: int = 32  # of the contact in two directions, at first; samples and cells are doubled
     most_samples: int = 2**15
-    # of the error, speed by which unbalanced forces let bodies swing; where a harmonic is near to
-    # what arm and contact resonate at, that is ten times as much
-    swing: float = 0.01
+    # of the error, speed by which unbalanced forces let bodies swing where the harmonic next to the
+    # resonance of arm and contact lies half a harmonic off it; at a twentieth it is the error
+    swing: float = 0.1
     creep: float = 0.1  # change of the tangential force over a period, over the error
     # cells that the error of a cycle's heat is taken from, along its path: where little slips,
     # that is a ring narrower than a cell, and to 64 of them all sticks
@@ -608,9 +608,11 @@ def balanced(
             return None, moving.divided(body.search.n_cells)
         numbers, estimate = numbers_of(saved, speed, body), math.inf
         if coarse is not None:
-            # a turning point that no sample comes nearer to makes cycles alike by chance
+            # a turning point that no sample comes nearer to makes cycles alike by chance, more so
+            # the swings that its forces excite: by order 1 the difference itself is the error, of
+            # which a third, as order 2 says, was half of what the next doubling changed
             missed = abs(heat_of_path(divided, before, cycle) - numbers.loop)
-            estimate = richardson(numbers.difference(coarse), 2.0, order)
+            estimate = richardson(numbers.difference(coarse), 2.0, 1.0)
             estimate = max(estimate, missed / (work_scale(saved) or 1.0))
             estimates.append(estimate)
             loop_error = richardson(abs(numbers.loop - coarse.loop), 2.0, order)
@@ -618,10 +620,12 @@ def balanced(
         if estimate <= search.share * error:
             break
         coarse, n_samples, n_cells = numbers, 2 * n_samples, 2 * n_cells
-        # forces as near to each other as bodies that swing by what they differ by may be
+        # forces as near to each other as bodies that swing by what they differ by may be: the n-th
+        # harmonic, half a harmonic off the resonance, moves them by n times its force over k
         fastest = max(speed, float(np.abs(speeds_of(saved)).max()))
         size = float(np.sqrt(np.sum(np.square(cycle.cut.K * cycle.y)) / len(cycle.y)))
-        swing = swing_of_force(body) * size / (search.swing * error)
+        resonant = max(1.0, body.rate * T / (2.0 * math.pi))
+        swing = resonant * swing_of_force(body) * size / (search.swing * error)
         tolerance = min(tolerance, fastest / swing) if swing > 0.0 else tolerance
         stuck = len(estimates) > 2 and estimate > search.hopeless * estimates[-3]
         if stuck or n_samples > search.most_samples:
