@@ -25,7 +25,9 @@ from beadwave.workflows.fit.varied_scene import (
     DEGREE_BODIES,
     keys_of_structure,
     stands_alone,
+    through_wall,
     wall_between,
+    with_walls_within,
 )
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import several
@@ -89,23 +91,12 @@ class VariedChains(NamedTuple):
     def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> VariedChains:
         """The scene with structures computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
-        places = list(self.of_wall)
-        keys = tuple(self.keys[i] for i in places)
-        try:
-            box = Bounds(low[places], high[places])
-            between = wall_between(self.base, keys, box, DEGREE_BODIES, computed)
-        except FAILURES:
-            return self
-        return self._replace(between=between)
+        return with_walls_within(self, low, high, computed)
 
     def through(self, values: NDArray[np.float64]) -> VariedChains:
         """The scene with the structure that is computed at these values (q,); raises CouplingError
         where none can be."""
-        try:
-            exact = computed(scene_at(self.base, self.keys, values))
-        except FAILURES as reason:
-            raise coupling.CouplingError(str(reason)) from None
-        return self._replace(between=self.between.through(values[list(self.of_wall)], exact))
+        return through_wall(self, values, computed)
 
     def better_models(self, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
         """The chains on structures at the values (q,) that are better in one respect, by the cause

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from joblib import Memory
@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 DEGREE_BEAM, DEGREE_BODIES = 3, 2  # of the polynomials between walls: beams are computed quickly
 # keys of a shaker that leave the structure as it is; its stinger and its place do not
 OF_SHAKING = ("force", "displacement", "velocity", "acceleration", "frequency", "phase")
+
+
+# VariedScene, or VariedChains of several chains: functions of a scene's keys
+Varied = TypeVar("Varied")
 
 
 class KeyedChains(NamedTuple):
@@ -115,24 +119,12 @@ class VariedScene(NamedTuple):
     def within(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> VariedScene:
         """The scene with walls computed between narrower bounds (n,) of the first keys, where
         enough of them can be."""
-        places = list(self.of_wall)
-        keys = tuple(self.keys[i] for i in places)
-        try:
-            box = Bounds(low[places], high[places])
-            between = wall_between(self.base, keys, box, DEGREE_BODIES, computed)
-        except FAILURES:
-            return self
-        return self._replace(between=between)
+        return with_walls_within(self, low, high, computed)
 
     def through(self, values: NDArray[np.float64]) -> VariedScene:
         """The scene with the wall that is computed at these values (q,); raises CouplingError where
         none can be."""
-        try:
-            exact = computed(scene_at(self.base, self.keys, values))
-        except FAILURES as reason:
-            raise coupling.CouplingError(str(reason)) from None
-        between = self.between.through(values[list(self.of_wall)], exact)
-        return self._replace(between=between)
+        return through_wall(self, values, computed)
 
     def better_models(self, values: NDArray[np.float64]) -> dict[str, list[BetterModel]]:
         """Models of the same structure at the values (q,) of the keys that are better in one
@@ -243,6 +235,36 @@ def _keyed_chains(
     names = tuple(keys[i] for i in of_chain)
     # 16 chains are cached: many runs differ in the wall alone
     return KeyedChains(tuple(of_chain), lru_cache(16)(partial(chain, names)))
+
+
+def with_walls_within(
+    model: Varied,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    wall: Callable[[Scene], ComputedWall],
+) -> Varied:
+    """A scene as a function of its keys, with walls computed between narrower bounds (n,) of the
+    first keys, where enough of them can be."""
+    places = list(model.of_wall)
+    keys = tuple(model.keys[i] for i in places)
+    try:
+        box = Bounds(low[places], high[places])
+        between = wall_between(model.base, keys, box, DEGREE_BODIES, wall)
+    except FAILURES:
+        return model
+    return model._replace(between=between)
+
+
+def through_wall(
+    model: Varied, values: NDArray[np.float64], wall: Callable[[Scene], ComputedWall]
+) -> Varied:
+    """A scene as a function of its keys, with the wall that is computed at their values (q,);
+    raises CouplingError where none can be."""
+    try:
+        exact = wall(scene_at(model.base, model.keys, values))
+    except FAILURES as reason:
+        raise coupling.CouplingError(str(reason)) from None
+    return model._replace(between=model.between.through(values[list(model.of_wall)], exact))
 
 
 def stands_alone(base: Base, scene: Scene, key: str) -> bool:
