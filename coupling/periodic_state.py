@@ -81,7 +81,8 @@ class PeriodicSearch(NamedTuple):
     cells: int = 32  # of the contact in two directions, at first; samples and cells are doubled
     most_samples: int = 2**15
     # of the error, speed by which unbalanced forces let bodies swing where the harmonic next to the
-    # resonance of arm and contact lies half a harmonic off it; at a twentieth it is the error
+    # resonance of arm and contact lies half a harmonic off it; a twentieth of one off it, the swing
+    # is as large as the error
     swing: float = 0.1
     creep: float = 0.1  # change of the tangential force over a period, over the error
     # cells that the error of a cycle's heat is taken from, along its path: where little slips,

@@ -9,9 +9,9 @@ is not followed everywhere is in the moments of the rest,
 
     R_m = sum phi phi^T / omega^(2 m),   m = 1, 2,
 
-which are smooth where its modes cross, and which as many oscillators have as there are contacts.
-phi_j (p,) of p contacts enters by its products alone, so signs of shapes do not matter. What each
-wall would be missed by if it were left out follows from the least squares, e_i / (1 - h_ii) (D. M.
+which are smooth where its modes cross; one oscillator for each contact has both of them. phi_j
+(p,) of p contacts enters by its products alone, so signs of shapes do not matter. What each wall
+would be missed by if it were left out follows from the least squares, e_i / (1 - h_ii) (D. M.
 Allen, Technometrics 16 (1974) 125). A wall computed where the answer lies moves all polynomials
 there: near it the error is of second order.
 
@@ -366,11 +366,9 @@ def left_out_errors(
     def squares_and_shares(v: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """omega^2 (walls, m), and of each mode in the compliances of the contacts (walls, p, m)."""
         squares, products, _, R, _, _ = layout.parts(v)
-        traces = R[..., i == j].sum(axis=-1)
+        first, second = np.moveaxis(R[..., i == j].sum(axis=-1), 1, 0)
+        of_rest = first / np.where(second > 0.0, second, 1.0)
         share = products[:, i == j][..., elastic] / squares[:, None, elastic]
-        if not values_of_rest:
-            return squares[:, elastic], share
-        of_rest = traces[:, 0] / traces[:, 1]
         return (
             np.column_stack([squares[:, elastic], of_rest]),
             np.concatenate([share, R[:, 0, i == j, None]], axis=2),
@@ -378,7 +376,6 @@ def left_out_errors(
 
     all_squares, _, _, R, _, _ = layout.parts(values)
     elastic = all_squares.min(axis=0) > RIGID * all_squares.max()
-    values_of_rest = bool(R[:, 1].any(axis=1).all())  # a silent rest has no frequency
     squares, share = squares_and_shares(values)
     squares_left_out, share_left_out = squares_and_shares(left_out)
 
@@ -386,6 +383,7 @@ def left_out_errors(
     # that of omega^2
     mean = share.mean(axis=0)
     heavy = (mean >= 0.01 * mean.sum(axis=1, keepdims=True) / len(squares.T)).any(axis=0)
-    frequency = 0.5 * np.abs(squares_left_out / squares - 1.0)[:, heavy]
+    heavy[-1] &= bool(R[:, 1].any(axis=1).all())  # a wall that leaves out no mode has none of it
+    frequency = 0.5 * np.abs(squares_left_out[:, heavy] / squares[:, heavy] - 1.0)
     relative = np.abs(share_left_out.sum(axis=2) / share.sum(axis=2) - 1.0)
     return LeftOutErrors(float(frequency.max()), float(relative.max()))
