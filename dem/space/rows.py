@@ -1,7 +1,7 @@
 """Rows of spheres that lean on points of one structure: chains in space, coupled through it.
 
 Each row moves along its direction alone, into the structure. A first sphere that comes later than
-the others' stands farther off by its velocity times the delay.
+the others' stands farther off by what it flies until then.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from beadwave.dem.space.kernel import Numbers
 from beadwave.dem.space.march import SpaceTrajectory
 from beadwave.dem.space.packing import MOVING, Packing, line_guides
 from beadwave.dem.space.structure import Structure
+from beadwave.dem.statics import NoEquilibrium
 from beadwave.dem.walls import Wall
 
 
@@ -24,10 +25,11 @@ class Row(NamedTuple):
     """A chain in space; its last sphere leans on a point of the structure, of its own."""
 
     chain: Chain
-    velocity: Array  # (n,) [m/s] at the start
+    velocity: Array  # (n,) [m/s] at the start; of a first sphere with a delay, on arrival
     at: Array  # (3,) [m] where it touches the structure
     direction: Array  # (3,) into the structure
     delay: float = 0.0  # [s] after which the first sphere arrives at the second
+    name: str = "row"  # by which refusals call it
 
 
 class Rows(NamedTuple):
@@ -56,7 +58,12 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     """Rows before they are struck; row i leans on point i of the structure, along its first
     direction. Raises InvalidChain for chains of laws that are not marched here, NoEquilibrium for
     a preload that nothing holds."""
-    parts = [_at_rest(row, structure, i) for i, row in enumerate(rows)]
+    parts = []
+    for i, row in enumerate(rows):
+        try:
+            parts.append(_at_rest(row, structure, i))
+        except (InvalidChain, NoEquilibrium) as error:
+            raise type(error)(f"{row.name}: {error}") from None
     counts = [len(row.chain.mass) for row in rows]
     n = sum(counts)
     of_row = np.repeat(np.arange(len(rows)), counts)
@@ -83,11 +90,11 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
         fields = {"dissipation": laws.pop(), "gamma": joined["gamma"][order]}
     if joined["leaf"].any():
         fields["leaf"] = joined["leaf"]
-    load = joined["load"][:, None] * direction
+    load, weight = (joined[name][:, None] * direction for name in ("load", "weight"))
     packing = Packing(
         rest, joined["radius"], joined["mass"], np.column_stack([order, second]), inner.size, arm,
         joined["overlap"][order], joined["A"][order], np.zeros(n), guides=line_guides(direction),
-        load=load if load.any() else None, **fields,
+        load=load if load.any() else None, weight=weight if weight.any() else None, **fields,
     )  # fmt: skip
     velocity = joined["velocity"][:, None] * direction
     return Rows(packing, velocity, of_row, direction, joined["start"], contact)
@@ -101,7 +108,6 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
         "a law other than Hertz'": chain.exponent is not None or chain.table is not None,
         "yield": chain.yield_overlap is not None,
         "friction of guides": chain.slides,
-        "weight": chain.gravity != 0.0,
     }.items():
         if given:
             raise InvalidChain(f"rows on one structure are not marched with {name}; leave it out")
@@ -111,37 +117,41 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
     # way under the others' preloads, some 1e-8 m, alone
     phi = structure.phi[np.flatnonzero(structure.point == point)[0]]
     wall = Wall(structure.omega, structure.zeta, phi, structure.residual[point, 0])
-    static = prepare(chain, wall).static
-    force = static.force
+    prepared = prepare(chain, wall)
+    static, force = prepared.static, prepared.static.force
     # leaf springs may hold spheres apart; of those that press the difference of places would lose
     # digits
     gap = -np.diff(static.x, append=wall.phi @ static.q)
     overlap = np.where(force > 0.0, chain.elastic.overlap(force), np.minimum(gap, 0.0))
     overlap[-1] += structure.residual[point, 0] * force[-1]
-    apart = np.zeros(n)
+    apart, velocity = np.zeros(n), np.array(row.velocity, float)
     if row.delay > 0.0:
+        # it arrives with its velocity, which its weight has changed on the way
+        gained = chain.gravity * row.delay
         require(
-            row.velocity[0] > 0.0 and not chain.springs[0][0] and force[0] == 0.0,
-            "a first sphere that comes later needs a velocity and nothing that holds it; drop its "
-            "delay or its spring",
+            velocity[0] > max(gained, 0.0) and not chain.springs[0][0] and force[0] == 0.0,
+            "a first sphere that comes later needs a velocity, more than its weight gives it until "
+            "then, and nothing that holds it; change its velocity, its delay or its spring",
         )
-        apart[0] = -row.velocity[0] * row.delay
+        apart[0] = -(velocity[0] - 0.5 * gained) * row.delay
+        velocity[0] -= gained
         overlap[0] += apart[0]
 
     # places along the direction from the point on the structure
     R = chain.radius
     between = np.append(R[:-1] + R[1:], R[-1]) - np.append(overlap[:-1], overlap[-1])
-    before = np.concatenate([[0.0], force[:-1]])
+    mass, load = np.asarray(chain.mass, float), prepared.load
     return {
         "place": -np.cumsum(between[::-1])[::-1],
         "radius": np.asarray(R, float),
-        "mass": np.asarray(chain.mass, float),
+        "mass": mass,
         "A": np.asarray(chain.A, float),
         "gamma": np.broadcast_to(0.0 if chain.gamma is None else chain.gamma, n),
         "leaf": chain.springs[0],
-        "load": force - before,
+        "load": np.zeros(n) if load is None else load,
+        "weight": chain.gravity * mass,
         "overlap": overlap,
-        "velocity": np.asarray(row.velocity, float),
+        "velocity": velocity,
         "start": apart,
     }
 

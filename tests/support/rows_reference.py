@@ -17,13 +17,20 @@ def overlap_in_series(gap, A, s):
 
 def rows_reference(chains, velocities, delays, structure, t, *, tolerance=1e-11):
     """Positions and velocities (k, n) at times t (k,) of undamped chains without springs and
-    preload, all in order; row i leans on direction i of the structure (r = p)."""
+    preload, all in order; row i leans on direction i of the structure (r = p). A chain under weight
+    leans on the structure, its first sphere in flight."""
     m = structure.omega.size
     counts = [len(chain.mass) for chain in chains]
     ends = np.cumsum(counts)
     n = ends[-1]
     mass = np.concatenate([chain.mass for chain in chains])
     A = np.concatenate([chain.A for chain in chains])
+    weight = np.concatenate([chain.gravity * chain.mass for chain in chains])
+
+    # at rest contacts carry the weights above them, but for that of the sphere in flight
+    carried = [np.cumsum(chain.gravity * chain.mass * (np.arange(chain.mass.size) > 0))
+               for chain in chains]  # fmt: skip
+    rest_force = np.array([force[-1] for force in carried])
 
     def rates(_, state):
         x, v, q, p = np.split(state, [n, 2 * n, 2 * n + m])
@@ -37,16 +44,21 @@ def rows_reference(chains, velocities, delays, structure, t, *, tolerance=1e-11)
             force[end - 1] = on_structure[i] = A[end - 1] * d**1.5
         before = np.concatenate([[0.0], force[:-1]])
         before[ends[:-1]] = 0.0
-        push = on_structure @ structure.phi
+        push = (on_structure - rest_force) @ structure.phi
         omega, zeta = structure.omega, structure.zeta
         return np.concatenate(
-            [v, (before - force) / mass, p, push - 2 * zeta * omega * p - omega**2 * q]
+            [v, (before - force + weight) / mass, p, push - 2 * zeta * omega * p - omega**2 * q]
         )
 
-    x0 = np.zeros(n)
-    for i, end in enumerate(ends):
-        x0[end - counts[i]] = -velocities[i][0] * delays[i]
-    start = np.concatenate([x0, *velocities, np.zeros(2 * m)])
+    # places from those at which spheres just touch; modes from the static state
+    x0, v0 = [], [np.array(velocity, float) for velocity in velocities]
+    for i, chain in enumerate(chains):
+        gaps = (carried[i] / chain.A) ** (2 / 3)
+        gaps[-1] += structure.residual[i, 0] * rest_force[i]
+        x0.append(np.cumsum(gaps[::-1])[::-1])
+        x0[i][0] -= (v0[i][0] - 0.5 * chain.gravity * delays[i]) * delays[i]
+        v0[i][0] -= chain.gravity * delays[i]
+    start = np.concatenate([*x0, *v0, np.zeros(2 * m)])
     result = solve_ivp(
         rates, (t[0], t[-1]), start, "DOP853", t, rtol=tolerance, atol=1e-16, max_step=2e-6
     )

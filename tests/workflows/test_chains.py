@@ -69,13 +69,31 @@ def test_arrays_hold_all_chains_in_order_and_the_summary_each_by_its_name(struck
     assert data.v.where(data.chain == 1, drop=True).sizes["sphere"] == 3
 
 
-def test_one_of_several_is_the_chain_alone_on_the_structure():
+DRUM = {
+    "assembly": {"held": ["drum:-z"], "material": "steel"},
+    "bodies": {"drum": {"cylinder": {"radius": 0.02, "length": 0.03}}}, "mesh": {"scale": 2.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "of_several", "of_one"),
+    [
+        ({}, {}, {}, {}),
+        # 5 % of the striker's velocity over the march
+        ({}, {}, {"gravity": {"direction": [0.3, 0.0, -0.4], "acceleration": 30}},
+         {"gravity": {"inclination": 53.130102354156, "acceleration": 30}}),
+        (DRUM, {"on": "drum:cylinder", "at": [0.02, 0.0, 0.0]}, {}, {}),
+    ],
+    ids=["plane", "weight", "curved"],
+)  # fmt: skip
+def test_one_of_several_is_the_chain_alone_on_the_structure(changes, place, of_several, of_one):
     """Another reduction and another march of the same: within the errors that both state."""
-    several = beadwave.impact(PLATE | {"chains": [TOP]})
-    alone = PLATE | {
-        "chain": {key: TOP[key] for key in ("count", "radius", "material")},
-        "striker": TOP["striker"], "wall": {"kind": "rom"},
-        "strike": {"on": TOP["on"], "at": TOP["at"]},
+    row = TOP | place
+    several = beadwave.impact(PLATE | changes | of_several | {"chains": [row]})
+    alone = PLATE | changes | of_one | {
+        "chain": {key: row[key] for key in ("count", "radius", "material")},
+        "striker": row["striker"], "wall": {"kind": "rom"},
+        "strike": {"on": row["on"], "at": row["at"]},
         "reduction": {"kind": "free-modes", "error": 1e-4},
     }  # fmt: skip
     one = beadwave.impact(alone)
@@ -256,8 +274,13 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"chains": [TOP | {"at": [0.039, 0.0]}]}, "leaves that face; move it by chains.top.at"),
         ({"chains": [TOP, END | {"on": "plate:+z", "at": [0.02, 0.0]}]}, "overlap by 0.002 m"),
         ({"chains": [TOP | {"on": "lid:+z"}]}, "lid"),
+        (DRUM | {"chains": [TOP | {"on": "drum:cylinder"}]}, "chains.top.on = .* no plane face"),
+        ({"gravity": {"inclination": 80}}, "give gravity.direction"),
+        ({"gravity": {"direction": [0, 0, 1]}}, "top: a weight of .* finds no support"),
+        ({"gravity": {"direction": [0, 0, 0]}}, "none: give x, y, z"),
+        ({"gravity": {}, "assembly": {"held": [], "material": "steel"}}, "without supports"),
         ({"chains": [TOP | {"leaf_springs": {"stiffness": 1e3},
-                            "striker": {"velocity": 0.1, "time": 1e-4}}]}, "drop its delay"),
+                            "striker": {"velocity": 0.1, "time": 1e-4}}]}, "delay or its spring"),
         ({"output": {"sensors": [{"sphere": 1}]}}, "chain is missing, allowed are top, end"),
         ({"output": {"sensors": [{"sphere": 4, "chain": "end"}]}}, "1 to chains.end.count = 3"),
         ({"strike": {"on": "plate:+z"}}, r"\[strike\] is of one \[chain\]"),

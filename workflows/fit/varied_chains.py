@@ -70,13 +70,13 @@ class VariedChains(NamedTuple):
         return ChainsRig(chains, start.rows, structure)
 
     def _contacts_of(self, scene: Scene) -> ChainContacts:
-        """The contacts with the materials of a scene; their faces are plane."""
-        plane = np.inf, np.inf
+        """The contacts with the materials of a scene."""
+        places = zip(
+            scene.of_each_chain.values(), self.contacts.direction, self.contacts.radii, strict=True
+        )
         surfaces = tuple(
-            surface_of(solid(one, one.struck_body), direction, plane)
-            for one, direction in zip(
-                scene.of_each_chain.values(), self.contacts.direction, strict=True
-            )
+            surface_of(solid(one, one.struck_body), direction, radii)
+            for one, direction, radii in places
         )
         return self.contacts._replace(surface=surfaces)
 

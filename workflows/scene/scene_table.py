@@ -147,6 +147,7 @@ JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True), AfterValidato
 Count = Annotated[int, Field(ge=1, le=1_000_000)]
 Length = of(Number, LENGTH)
 Point = Annotated[tuple[Length, Length], Field(strict=False)]
+Vector = Annotated[tuple[float, float, float], Field(strict=False, description="x, y, z")]
 Density = of(Positive, DENSITY, 20, 25e3)  # foam to osmium
 Young = of(Positive, PRESSURE, 5e5, 2e12)  # soft rubber to diamond
 Radius = of(Positive, LENGTH, 1e-6, 0.25)

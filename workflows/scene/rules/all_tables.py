@@ -42,6 +42,8 @@ def contradictions(scene: Scene) -> Iterator[str]:
 
     Only the first one is shown, so that a missing part comes before what follows from it.
     """
+    if scene.gravity and scene.gravity.direction and not scene.chains:
+        yield "gravity.direction is of [[chains]]; give gravity.inclination, or drop it."
     if scene.crystal:
         yield from of_crystal(scene)
         yield from _of_time(scene)
@@ -79,7 +81,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
     """Tables that act on a part which the scene does not have, and files that are not there."""
     chain, wall = scene.chain, scene.wall
     for name in ("gravity", "guides", "friction", "arm", "shakers"):
-        if chain is None and getattr(scene, name):
+        if chain is None and getattr(scene, name) and not (scene.chains and name == "gravity"):
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
         yield "[chain], [crystal], [assembly], [beam] and [plate] are all missing; add one of them."

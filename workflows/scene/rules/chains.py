@@ -7,9 +7,10 @@ from beadwave.workflows.scene.rig import RigScene, RigTable
 from beadwave.workflows.scene.rules.bodies import same_names
 from beadwave.workflows.scene.rules.size import INSTANT_BYTES, LIMITS, gigabytes
 from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.gravity import UPRIGHT
 
 # tables of one chain, or of what is not marched for several
-OTHERS = ("chain", "crystal", "wall", "gravity", "guides", "friction", "arm", "shakers")
+OTHERS = ("chain", "crystal", "wall", "guides", "friction", "arm", "shakers")
 MOST_CHAINS = 100  # each adds a column of the receptances and an oscillator
 
 
@@ -39,6 +40,14 @@ def of_chains(scene: Scene) -> Iterator[str]:
         )
     if scene.has_dashpots:
         yield "[[chains]] are not marched with dashpots and [[measured]] parts; drop these."
+
+    if scene.gravity and scene.gravity.inclination != UPRIGHT:
+        yield (
+            "gravity.inclination is of one [chain], the faces of [[chains]] say how each lies; "
+            "give gravity.direction, as [0, 0, -1]."
+        )
+    if scene.gravity and scene.floats:
+        yield "[gravity] presses on an assembly without supports; hold it, or drop [gravity]."
 
     for row in chains:
         key = f"chains.{row.name}"

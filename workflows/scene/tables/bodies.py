@@ -28,6 +28,7 @@ from beadwave.workflows.scene.scene_table import (
     SceneTable,
     Seed,
     Spring,
+    Vector,
     YieldStress,
     one_or_each,
     text_or_table,
@@ -46,13 +47,13 @@ Compressible = Annotated[float, Field(gt=-1, lt=0.5)]  # an incompressible solid
 Ratio12 = Annotated[float, Field(gt=-10, lt=10)]  # of an orthotropic solid; its moduli bound it
 Size = of(Positive, LENGTH, 1e-5, 50)
 Place = of(Number, LENGTH, 0, 100)
+PlaceOnFace = Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)]
 Place3 = Annotated[tuple[Place, Place, Place], Field(strict=False, description="x, y, z")]
 Corner = Annotated[tuple[Length, Length], Field(strict=False, description="x, y")]
 AngleHeight = Annotated[
     tuple[float, Length], Field(strict=False, description="angle [degrees], height [m]")
 ]
 Sides = Annotated[tuple[Size, Size, Size], Field(strict=False, description="lengths along x, y, z")]
-Vector = Annotated[tuple[float, float, float], Field(strict=False, description="x, y, z")]
 Three = Annotated[tuple[Modulus, Modulus, Modulus], Field(strict=False)]
 
 
@@ -428,7 +429,7 @@ class Strike(SceneTable):
 
     on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
     # [m] from the middle of a plane face, or [x, y, z]
-    at: Annotated[tuple[Place, ...], Field(strict=False, min_length=2, max_length=3)] = (0.0, 0.0)
+    at: PlaceOnFace = (0.0, 0.0)
     radius: PatchRadius = 2e-3  # [m] of the patch
     weights: Literal["hertz", "area", "thesis"] = "hertz"  # of the mean over the patch
     # [m] points from the middle of the face whose nearest nodes are read

@@ -11,10 +11,10 @@ from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
     NonNegative,
     PatchRadius,
-    Point,
     Positive,
     SceneTable,
 )
+from beadwave.workflows.scene.tables.bodies import PlaceOnFace
 from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload
 from beadwave.workflows.scene.tables.contact import ContactTable
 from beadwave.workflows.scene.units import TIME, VELOCITY
@@ -29,11 +29,12 @@ class ChainStriker(SceneTable):
 
 
 class ChainOnStructure(ChainTable):
-    """One of several chains on a structure: its spheres, and the plane face that it leans on."""
+    """One of several chains on a structure: its spheres, and the face that it leans on."""
 
     name: Annotated[str, Field(pattern=r"^[\w-]+$", max_length=50)]  # in results and in --set
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+:.+$")]  # the face, "body:+x"
-    at: Point = (0.0, 0.0)  # [m] from the middle of the face along its two global axes
+    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
+    # [m] from the middle of a plane face along its two global axes, or [x, y, z]
+    at: PlaceOnFace = (0.0, 0.0)
     patch_radius: PatchRadius = 2e-3  # [m] of the loaded patch
     striker: ChainStriker | None = None  # in place of [striker]
     contact: ContactTable | None = None  # in place of [contact]

@@ -57,11 +57,13 @@ def start(scene: Scene, contacts: ChainContacts, structure: space.Structure) -> 
     starts, rows = [], []
     each = zip(scene.chains, scene.of_each_chain.values(), strict=True)
     for i, (row, one) in enumerate(each):
+        if scene.gravity:
+            one = one.but(gravity=scene.gravity.on(contacts.direction[i]))
         first = one_chain.start(one, contacts.surface[i])
         starts.append(first)
         delay = row.striker.time if row.striker else 0.0
         place = contacts.point[i], contacts.direction[i]
-        rows.append(space.Row(first.chain, first.velocity, *place, delay))
+        rows.append(space.Row(first.chain, first.velocity, *place, delay, row.name))
         wall = dem.Wall(structure.omega, structure.zeta, structure.phi[i])
         require_support(one, wall)
     try:

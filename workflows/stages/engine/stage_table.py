@@ -216,7 +216,7 @@ def _places(scene: Scene) -> Any:
 
 def _each_chain(scene: Scene) -> Any:
     """Input of a march of several chains besides the structure."""
-    tables = tables_of("chains", "striker", "contact", "leaf_springs", "preload")
+    tables = tables_of("chains", "striker", "contact", "leaf_springs", "preload", "gravity")
     return [tables(scene), _marched(scene)]
 
 

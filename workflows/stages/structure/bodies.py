@@ -35,7 +35,7 @@ from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
 from beadwave.workflows.stages.structure.meshed_parts import STRIKE, ElementSizes, Parts
-from beadwave.workflows.stages.structure.strike import around, struck
+from beadwave.workflows.stages.structure.strike import around, in_words_of, struck
 
 
 @contextmanager
@@ -115,6 +115,7 @@ class Placed(NamedTuple):
     pressed: list[TouchingPair]  # with a bolt that keeps them in contact
     bolted: dict[int, BoltedPlace]
     struck: Struck | None
+    struck_by_chains: tuple[Struck, ...]
     named: dict[str, FaceSelection]
     sizing: Sizing
 
@@ -145,11 +146,14 @@ def placed(
     face = hits[0][0] if hits else None
     if face:
         named[STRIKE] = face.face
+    struck_by_chains = tuple(hit for hit, _ in hits if scene.chains)
+    for row, hit in zip(scene.chains or (), struck_by_chains, strict=True):
+        named[chain_face(row.name)] = hit.face
 
     # a crystal's last row touches at many places, none of them finer than the face
     fine = [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal]
     sizing = sizing_of(scene, layout, fine, sizes, coarser)
-    return Placed(selection, ties, pressed, bolted, face, named, sizing)
+    return Placed(selection, ties, pressed, bolted, face, struck_by_chains, named, sizing)
 
 
 def sizing_of(
@@ -201,8 +205,8 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     connections, rigid = _connections(scene, selection, ties, fineness, bolted)
     closed = tuple(_tie(touch, fineness) for touch in chosen.pressed)
     whole = Parts(
-        meshes, made_of, connections, rigid, chosen.struck, _load(scene, selection),
-        sizes, tuple(bolted.values()), closed, boxes, chords,
+        meshes, made_of, connections, rigid, chosen.struck, chosen.struck_by_chains,
+        _load(scene, selection), sizes, tuple(bolted.values()), closed, boxes, chords,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly
@@ -234,12 +238,8 @@ def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[St
         }
     hits = []
     for key, (one, selected) in strikes.items():
-        try:
+        with in_words_of(key):
             hit = struck(one, layout.bodies, selected)
-        except InvalidScene as error:
-            radius = "radius" if key == "strike" else "patch_radius"  # of chains and crystals
-            words = str(error).replace("strike.radius", f"{key}.{radius}")
-            raise InvalidScene(words.replace("strike.", f"{key}.")) from None
         # another body on the face at the point struck would be struck in its place
         body, radius = hit.face.body, one.strike.radius
         points = around(hit.point, hit.outward, radius)

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem, rom
-from beadwave.fem.assembly.trace import OffFace
 from beadwave.fem.modes.assembly_modes import AssemblyModes
-from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
+from beadwave.workflows.scene import LossFactorsTable, Scene
 from beadwave.workflows.scene.places import chain_face, sensor_places
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import solid
@@ -18,7 +17,12 @@ from beadwave.workflows.stages.structure.functionals import bodies_of_faces, fun
 from beadwave.workflows.stages.structure.loss_factors import strain_of
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import names, targets_kept
-from beadwave.workflows.stages.structure.strike import surface_of
+from beadwave.workflows.stages.structure.strike import (
+    in_words_of,
+    patch_on,
+    require_known_law,
+    surface_of,
+)
 
 
 class ChainContacts(NamedTuple):
@@ -28,7 +32,8 @@ class ChainContacts(NamedTuple):
     point: NDArray[np.float64]  # (p, 3) [m]
     direction: NDArray[np.float64]  # (p, 3) unit vectors into the structure
     half_space: NDArray[np.float64]  # (p,) [m/N] that Hertz' law holds already
-    surface: tuple[rom.Contact, ...]  # material of the face struck
+    radii: NDArray[np.float64]  # (p, 2) [m] principal radii of the faces struck
+    surface: tuple[rom.Contact, ...]  # their material and curvatures
 
 
 class ChainPatch(NamedTuple):
@@ -40,40 +45,33 @@ class ChainPatch(NamedTuple):
 
 
 def chain_patches(scene: Scene, mesh: Parts, model: fem.Model) -> list[ChainPatch]:
-    """The patches of all chains. Raises InvalidScene where one leaves its face, and for a face that
-    is not plane."""
+    """The patches of all chains. Raises InvalidScene where one leaves its face, and for a curved
+    face of an orthotropic material."""
     patches = []
-    for name, one in scene.of_each_chain.items():
-        strike, key = one.strike, f"chains.{name}"
-        face, material = mesh.face(chain_face(name)), solid(scene, one.struck_body)
-        try:
-            patch = fem.contact_patch(model, face, strike.at, strike.radius, weights=strike.weights)
-        except OffFace:
-            raise InvalidScene(
-                f"{scene.name}: {key}: the patch of radius {strike.radius:g} m at "
-                f"{list(strike.at)} m from the middle of {strike.on!r} leaves that face; move it "
-                f"by {key}.at, or take a smaller {key}.patch_radius."
-            ) from None
-        except ValueError as error:
-            why = str(error).replace(face, strike.on)
-            raise InvalidScene(f"{scene.name}: {key}: {why.rstrip('.')}.") from None
-        patches.append(ChainPatch(face, patch, material))
+    each = zip(scene.of_each_chain.items(), mesh.struck_by_chains, strict=True)
+    for (name, one), struck in each:
+        material = solid(scene, one.struck_body)
+        with in_words_of(f"chains.{name}"):
+            require_known_law(one, material, struck)
+            patch = patch_on(one, struck, chain_face(name), model)
+        patches.append(ChainPatch(f"{struck.face.body}:{chain_face(name)}", patch, material))
     return patches
 
 
 def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
     """The patches of all chains and the half-spaces under them. Raises InvalidScene as
     `chain_patches`."""
-    columns, points, directions, local, surfaces = [], [], [], [], []
+    columns, points, directions, local, radii, surfaces = [], [], [], [], [], []
     for face, patch, material in chain_patches(scene, mesh, model):
         columns.append(patch.w)
         points.append(patch.spot.point)
         directions.append(patch.spot.inward)
         local += fem.half_spaces_on_mesh(model, face, [patch], material)
+        radii.append(patch.spot.radii)
         surfaces.append(surface_of(material, patch.spot.inward, patch.spot.radii))
     return ChainContacts(
         np.column_stack(columns), np.array(points), np.array(directions), np.array(local),
-        tuple(surfaces),
+        np.array(radii), tuple(surfaces),
     )  # fmt: skip
 
 

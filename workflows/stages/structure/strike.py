@@ -3,7 +3,8 @@ sphere."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,18 @@ N_RIM = 16  # points of the rim whose distance from the face is measured
 # distance from the face, over the patch's radius, beyond which a point is off it; the patch on
 # the mesh decides where it is nearer (fem.assembly.trace.OffFace)
 OFF_FACE = 0.02
+
+
+@contextmanager
+def in_words_of(key: str) -> Iterator[None]:
+    """Refusals of a strike in the words of the table that says where it is: "strike", "crystal", or
+    "chains.NAME"."""
+    try:
+        yield
+    except InvalidScene as error:
+        radius = "radius" if key == "strike" else "patch_radius"
+        words = str(error).replace("strike.radius", f"{key}.{radius}")
+        raise InvalidScene(words.replace("strike.", f"{key}.")) from None
 
 
 def struck(scene: Scene, bodies: Mapping[str, Body], selected: FaceSelection) -> Struck:
@@ -120,15 +133,22 @@ def surface(scene: Scene, mesh: Parts) -> rom.Contact | None:
     if mesh.struck is None:
         return None
     made_of = mesh.materials[mesh.struck.face.body]
-    if isinstance(made_of, fem.Orthotropic) and mesh.struck.normal is None:
-        raise InvalidScene(
-            f"{scene.name}: strike.on = {scene.strike.on!r} is a curved face of an orthotropic "
-            "material, for which the contact's law is not known here; strike a plane face."
-        )
+    require_known_law(scene, made_of, mesh.struck)
     contact = surface_of(made_of, mesh.struck.normal, mesh.struck.radii)
     if isinstance(made_of, fem.Orthotropic):
         return contact
     return rom.Contact(curvatures=contact.curvatures)
+
+
+def require_known_law(
+    scene: Scene, made_of: fem.Material | fem.Orthotropic, struck: Struck
+) -> None:
+    """Raise InvalidScene for a curved face of an orthotropic material."""
+    if isinstance(made_of, fem.Orthotropic) and struck.normal is None:
+        raise InvalidScene(
+            f"{scene.name}: strike.on = {scene.strike.on!r} is a curved face of an orthotropic "
+            "material, for which the contact's law is not known here; strike a plane face."
+        )
 
 
 def surface_of(
@@ -153,8 +173,13 @@ def surface_of(
 def patch(scene: Scene, mesh: Parts, model: fem.Model) -> fem.ContactPatch:
     """The patch on the mesh through which the contact force loads the body and its displacement is
     read; raises InvalidScene where it leaves the face."""
-    strike, face, at = scene.strike, mesh.struck, scene.strike.at
-    name = f"{face.face.body}:{STRIKE}"
+    return patch_on(scene, mesh.struck, STRIKE, model)
+
+
+def patch_on(scene: Scene, face: Struck, name: str, model: fem.Model) -> fem.ContactPatch:
+    """The patch of scene.strike on a face of this name in the mesh, as `patch`."""
+    strike, at = scene.strike, scene.strike.at
+    name = f"{face.face.body}:{name}"
     if face.radius is not None:
         surface = face.centre, abs(face.radius), face.axis
         at = fem.round_spot(model.structure, name, face.point, *surface)
