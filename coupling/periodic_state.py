@@ -448,11 +448,11 @@ def periodic_state(
     """
     # by harmonic balance, or where that finds none, or does not know friction between spheres, by
     # Newton's method on marches of a period
-    motion, start = None, None
+    motion, nearby = None, NearbyStates(None, None)
     if body.last.before is None:
-        motion, start = balanced(body, before, error, speed, search)
+        motion, nearby = balanced(body, before, error, speed, search)
     if motion is None:
-        motion = shot(body, before, error, speed, search, start)
+        motion = shot(body, before, error, speed, search, nearby)
     state, saved, n_periods, T = motion.moving, motion.saved, motion.n_periods, body.shakers.period
 
     # heat counts from the striker on
@@ -576,18 +576,26 @@ def speeds_of(saved: SavedSpatial) -> Array:
     return np.concatenate([saved.v, saved.across[:, 1], saved.wall[:, 1]], axis=1)
 
 
+class NearbyStates(NamedTuple):
+    """States near to the one that is looked for, on a cycle of harmonic balance."""
+
+    balanced: MarchState | None  # of a cycle that is balanced, but not to the error
+    unbalanced: MarchState | None  # of one that is not, or whose contact opens
+
+
 def balanced(
     body: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch
-) -> tuple[RepeatedMotion | None, MarchState | None]:
+) -> tuple[RepeatedMotion | None, NearbyStates]:
     """The state by harmonic balance (`coupling.harmonic_balance`), to an error, compared with a
     cycle of half as many samples and cells; None where that finds none, or a contact that opens,
-    and then a state near to it where there is one.
+    and then states near to it where there are any.
 
     Periods marched from it by two steps prove it: what they change by vanishes with the step.
     """
     T = body.shakers.period
+    nowhere = NearbyStates(None, None)
     if body.prepared.static.force[-1] <= 0.0:
-        return None, None
+        return None, nowhere
     resolved = search.samples * T * body.rate / (2.0 * math.pi)
     n_samples = search.cycle_saves * 2 ** max(
         1, math.ceil(math.log2(resolved / search.cycle_saves))
@@ -602,11 +610,11 @@ def balanced(
         divided = body._replace(search=body.search._replace(n_cells=n_cells))
         cycle = balance(divided, before, n_samples, tolerance, search.creep * error, start=cycle)
         if not math.isfinite(cycle.change):
-            return None, None
+            return None, nowhere
         moving, saved = cycle_of(divided, cycle, search.cycle_saves)
         opens = cycle.answer.elastic[:, -1 - len(body.frame)].min() <= 0.0
         if opens or cycle.change > tolerance:
-            return None, moving.divided(body.search.n_cells)
+            return None, NearbyStates(None, moving.divided(body.search.n_cells))
         numbers, estimate = numbers_of(saved, speed, body), math.inf
         if coarse is not None:
             # a turning point that no sample comes nearer to makes cycles alike by chance, more so
@@ -630,7 +638,7 @@ def balanced(
         tolerance = min(tolerance, fastest / swing) if swing > 0.0 else tolerance
         stuck = len(estimates) > 2 and estimate > search.hopeless * estimates[-3]
         if stuck or n_samples > search.most_samples:
-            return None, moving.divided(body.search.n_cells)
+            return None, NearbyStates(moving.divided(body.search.n_cells), None)
 
     # half the step, four times nearer: what is left of both is not of the steps
     slow, slow_moving = still(body), None
@@ -645,7 +653,7 @@ def balanced(
         off.append((marched.force - saved.force)[:, 1:] / largest)
     extrapolated = np.abs((4.0 * off[1] - off[0]) / 3.0).max()
     if extrapolated > max(search.proven, 2.0 * error):
-        return None, moving.divided(body.search.n_cells)
+        return None, NearbyStates(moving.divided(body.search.n_cells), None)
     change = max(cycle.change, cycle.answer.creep)
     if two_directions:
         fine = max(search.ring_cells, 2 * divided.search.n_cells)
@@ -658,7 +666,7 @@ def balanced(
     repeated = RepeatedMotion(
         moving, saved, change, estimate + change, 1, False, n_samples, loop_error, pushed
     )
-    return repeated, None
+    return repeated, nowhere
 
 
 def remembers(body: PreparedImpact, stick: Array) -> bool:
@@ -770,9 +778,9 @@ def with_still(body: PreparedImpact, moving: MarchState, rate: Array) -> MarchSt
 
 def shot(
     whole: PreparedImpact, before: Before, error: float, speed: float, search: PeriodicSearch,
-    start: MarchState | None = None,
+    nearby: NearbyStates = NearbyStates(None, None),
 ) -> RepeatedMotion:  # fmt: skip
-    """The state by Newton's method on periods marched, from rest or else from `start`, to an error
+    """The state by Newton's method on periods marched, from rest or nearby states, to an error
     compared with longer steps and half as many cells; by periods one after the other where it finds
     none. Raises UnstableStep."""
     body = still(whole)
@@ -788,13 +796,16 @@ def shot(
     while True:
         period = period_of(body, before, n_steps, search)
         if point is None:
-            # from rest, then from what harmonic balance left; a step of Newton's method may lead to
-            # where contacts meet at any speed: then periods are marched one by one
+            # from a balanced cycle, from rest, from one that is not balanced: on the way from rest
+            # slip may go farther than in the cycle, and left a mean force of 1 % of its amplitude
+            # in what sticks. A step of Newton's method may lead to where contacts meet at any
+            # speed: then periods are marched one by one
             begins = [(state.copied(), search)]
-            if start is not None:
-                near = without_still(whole, start).divided(n_cells)
-                body.settle(near, period.system, 0.0)
-                begins.append((near, search._replace(levels=())))
+            for place, near in ((0, nearby.balanced), (1, nearby.unbalanced)):
+                if near is not None:
+                    near = without_still(whole, near).divided(n_cells)
+                    body.settle(near, period.system, 0.0)
+                    begins.insert(place, (near, search._replace(levels=())))
             for begin, options in begins:
                 try:
                     point = fixed_point(period, begin, options, tolerance)

@@ -78,6 +78,7 @@ class SpatialSearch(NamedTuple):
 
 
 USUAL_SPATIAL_SEARCH = SpatialSearch()
+LEAST = 1.0 / 30.0  # of the error asked: no less is stated, as marches are alike by chance
 
 
 class SpatialRun(NamedTuple):
@@ -503,6 +504,8 @@ def march_to_error(
         excess = of_steps / (error - of_cells)
         shorter = min(max(1.2, 1.1 * math.sqrt(excess)), 16.0)
         coarse, stride = saved, finer
+    if error is not None:
+        estimate = max(estimate, LEAST * error)
     steps = Steps(spacing / finer, n_save, finer)
     body = body._replace(search=search._replace(n_cells=n_cells))
     run = spatial_run(body, saved, moving, steps, estimate)
