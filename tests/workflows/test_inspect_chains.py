@@ -6,6 +6,7 @@ import pytest
 import beadwave
 from beadwave.coupling.sensors import Sensor, measured_in_runs
 from beadwave.workflows.files.scene import scene
+from beadwave.workflows.fit.measured_record import files_of_strike, recorded
 from beadwave.workflows.fit.parametric_wall import Bounds
 from beadwave.workflows.fit.scene_parameters import scene_at, usual_each
 from beadwave.workflows.fit.varied_chains import computed, varied_chains
@@ -84,6 +85,31 @@ def test_modulus_and_both_strikers_come_out_within_their_bars(drops, tmp_path):
     for name, true in {"above": 0.4, "below": 0.26}.items():
         speed = found[f"chains.{name}.striker.velocity, record 2"]
         assert abs(speed.found - true) < 1.5 * speed.two_sigma < 0.02
+
+
+def test_files_of_one_strike_are_one_record(drops, tmp_path):
+    title, head, *lines = drops[0].read_text().splitlines()
+    lead, *names = head.split(", ")
+    rows = [line.split(",") for line in lines]
+
+    def written(file, column, rows=rows, name=None):
+        body = [f"{row[0]},{row[column]}" for row in rows]
+        head = f"{lead}, {name or names[column - 1]}"
+        (tmp_path / file).write_text("\n".join([title, head, *body]))
+        return tmp_path / file
+
+    above, shorter = written("above+.csv", 1), written("below.csv", 2, rows[:-20])
+    whole, apart = recorded(drops[0]), recorded(above, shorter)
+    assert apart.channels == whole.channels and apart.synthetic
+    np.testing.assert_array_equal(apart.t, whole.t[:-20])
+    np.testing.assert_array_equal(apart.y, whole.y[:-20])
+    assert files_of_strike(above) == (above,) and len(files_of_strike("a.csv+b.csv")) == 2
+    with pytest.raises(InvalidScene, match="one trigger and one sampling"):
+        recorded(above, written("later.csv", 2, rows[1:]))
+    with pytest.raises(InvalidScene, match=r"both have above sphere 3 force; leave it out"):
+        recorded(above, written("again.csv", 2, name=names[0]))
+    with pytest.raises(InvalidScene, match=r"b.csv"):
+        beadwave.inspect(PLATE, f"{shorter}+{tmp_path / 'b.csv'}", find="materials.steel.young")
 
 
 def test_the_structure_between_computed_ones_moves_the_spheres_as_the_one_computed_there():

@@ -237,7 +237,8 @@ def inspect(
 ) -> Inspection:
     """Numbers of the structure found from records of sensors on the chain (`beadwave inspect`).
 
-    data     records of sensors, .csv, one for each impact; of several chains a column names its own
+    data     records of sensors, .csv, one for each impact, or left.csv+right.csv; of several chains
+             a column names its own
     find     numbers to find, keys of the scene: beam.thickness,beam.young
     bounds   where they lie, as beam.thickness=8mm:12mm; default 0.7 to 1.4 of the scene's value
     each     numbers that every record has for itself, and where they start, as
@@ -250,7 +251,7 @@ def inspect(
     """
     from beadwave.workflows.fit.folder import INSPECTION_FILES, write_inspection
     from beadwave.workflows.fit.inspect import InspectionRequest, inspected
-    from beadwave.workflows.fit.measured_record import recorded
+    from beadwave.workflows.fit.measured_record import files_of_strike, recorded
     from beadwave.workflows.fit.plausibility import with_distinct_names
     from beadwave.workflows.fit.report import inspection_report
     from beadwave.workflows.sweep.cases import base_of
@@ -258,12 +259,13 @@ def inspect(
     request = InspectionRequest(
         find, bounds, each, _within("--starts", starts, *STARTS), _within("--seed", seed, *SEEDS)
     )
-    files = [Path(file) for file in ([data] if isinstance(data, str | Path) else data)]
+    strikes = [files_of_strike(one) for one in ([data] if isinstance(data, str | Path) else data)]
     base = base_of(scene, changes)
     start = with_chains(base.with_values({}))
+    files = [file for strike in strikes for file in strike]
     folder = _folder(out, (*files_read(start, scene), *files), overwrite)
     with _renewed(folder, INSPECTION_FILES):
-        records = with_distinct_names(tuple(recorded(file) for file in files))
+        records = with_distinct_names(tuple(recorded(*strike) for strike in strikes))
         result = inspected(base, records, request, progress)
         report = inspection_report(result, records)
         if folder:

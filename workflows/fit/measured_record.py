@@ -47,6 +47,7 @@ from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.scene.tables.sensors import OF_SPHERES
 from beadwave.workflows.scene.units import VOLTAGE, NoSuchQuantity, in_si
 
+SAME_INSTANT = 0.1  # of a sample, to which samples of one trigger and one sampling agree
 HEADING = r"(?:(\S+)\s+)?sphere\s+(\d+)(?:\s+([a-z-]+))?\s*\[(.+)\]"
 
 
@@ -68,17 +69,45 @@ def marched(name: str) -> Iterator[None]:
         raise InvalidScene(f"{name}: {str(reason).rstrip('.')}.") from None
 
 
-def recorded(path: Path) -> MeanRecord:
-    """The signals of a file; raises InvalidScene where it holds none that can be used."""
-    t, channels, y, title = _channels(path)
+def files_of_strike(data: str | Path) -> tuple[Path, ...]:
+    """The file of a strike, or the files whose names are joined by +."""
+    if Path(data).exists():  # a name may hold a +
+        return (Path(data),)
+    return tuple(Path(name) for name in str(data).split("+"))
+
+
+def recorded(*files: Path) -> MeanRecord:
+    """The signals of one strike, in a file or in several of one trigger and one sampling. Raises
+    InvalidScene for files that hold none that can be used, or that do not belong together."""
+    t, channels, y, title = _channels(files[0])
+    for path in files[1:]:
+        t_of, channels_of, y_of, title_of = _channels(path)
+        k = min(len(t), len(t_of))
+        if np.abs(t_of[:k] - t[:k]).max() > SAME_INSTANT * (t[1] - t[0]):
+            raise InvalidScene(
+                f"{files[0]} starts at {t[0]:g} s with a sample every {t[1] - t[0]:g} s, {path} at "
+                f"{t_of[0]:g} s with one every {t_of[1] - t_of[0]:g} s; give records of one "
+                "trigger and one sampling."
+            )
+        if len(y_of) != len(y):
+            raise InvalidScene(
+                f"{files[0]} has {len(y)} repeats, {path} has {len(y_of)}; give as many of each."
+            )
+        if twice := set(channels) & set(channels_of):
+            raise InvalidScene(
+                f"{files[0]} and {path} both have {min(twice).name}; leave it out of one of them."
+            )
+        t, y = t[:k], np.concatenate([y[:, :k], y_of[:, :k]], axis=2)
+        channels, title = channels + channels_of, f"{title} {title_of}"
+
     repeats = aligned(t, y, tuple(range(len(channels))))
+    name = "+".join(path.name for path in files)
     if repeats.outliers:
         raise InvalidScene(
-            f"{path}: repeat {repeats.outliers[0] + 1} is unlike the others; leave it out."
+            f"{name}: repeat {repeats.outliers[0] + 1} is unlike the others; leave it out."
         )
     mean = repeats.signals
-    synthetic = SYNTHETIC in title
-    return MeanRecord(t, mean.v, channels, mean.spread, mean.repeats, path.name, synthetic)
+    return MeanRecord(t, mean.v, channels, mean.spread, mean.repeats, name, SYNTHETIC in title)
 
 
 def measured(path: Path) -> Record:
