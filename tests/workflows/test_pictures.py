@@ -160,6 +160,19 @@ def test_every_sphere_of_a_chain_is_drawn_or_the_legend_says_how_many(
     np.testing.assert_allclose([c[0] for c in centres], 1 + (ends[1:] + ends[:-1]) / 2)
 
 
+def test_the_picture_shows_the_place_and_the_spheres_of_every_chain():
+    plotter, drawn = render.white_plotter((1, 1)), []
+    plotter.add_mesh = lambda mesh, **_: drawn.append(np.array(mesh.center))
+    first, second = [0.0, 0.0, 1.0, 0.0, 0.0, -1.0], [1.0, 0.0, 0.0, -1.0, 0.0, 0.0]
+    fixtures = render.Fixtures(["cube"], strike=first, spheres=[0.1] * 2)
+    legend = render.struck(plotter, fixtures._replace(further=[(second, [0.2])]), 1.0)
+    assert [words for words, _ in legend] == ["impacts of chains of 2 and 1"]
+    np.testing.assert_allclose(drawn[3], [1.2, 0.0, 0.0], atol=1e-6)  # behind two and an arrow
+    assert len(drawn) == 5
+    without = fixtures._replace(spheres=(), further=[(second, ())])
+    assert [words for words, _ in render.struck(plotter, without, 1.0)] == ["impacts"]
+
+
 @pytest.mark.parametrize(("radii", "right_of_middle"), [([], True), ([0.01] * 10, False)])
 def test_heights_stand_across_from_the_names(radii, right_of_middle, tmp_path, monkeypatch):
     cube = render.pv.ImageData(dimensions=(2, 2, 2)).cast_to_unstructured_grid()

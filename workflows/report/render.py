@@ -74,6 +74,8 @@ class Fixtures(NamedTuple):
     elements: bool = True  # whether the cells of bodies are elements
     strike: list[float] | None = None  # point struck and direction of the force (6,)
     spheres: Sequence[float] = ()  # radii [m], from the wall on
+    # the same two of further chains
+    further: Sequence[tuple[list[float], Sequence[float]]] = ()
     joints: Sequence[tuple[str, list[float], list[float]]] = ()  # name, centre (3,), axis (3,)
     held: Sequence[list[list[float]]] = ()  # facets of held faces, corners (n, 3) each
     # name, point (3,), the other end (3,), or of one to the ground the direction (3,) to it
@@ -197,28 +199,32 @@ def masses(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[s
 
 
 def struck(plotter: pv.Plotter, fixtures: Fixtures, size: float) -> list[tuple[str, str]]:
-    """The spheres of the chain, as far as there is room, and an arrow along the impact; what the
+    """The spheres of each chain, as far as there is room, and an arrow along its impact; what the
     legend says."""
     if not fixtures.strike:
         return []
-    point, direction = np.array(fixtures.strike[:3]), np.array(fixtures.strike[3:])
-    depth, drawn = 0.0, 0
-    for radius in fixtures.spheres:
-        if depth and depth + 2 * radius > CHAIN_LENGTH * size:
-            break
-        drawn += 1
-        sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
-        plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
-        depth += 2 * radius
-    arrow = pv.Arrow(
-        start=point - (depth + 0.1 * size) * direction, direction=direction,
-        scale=0.09 * size, shaft_radius=0.05, tip_radius=0.14, tip_length=0.4,
-    )  # fmt: skip
-    plotter.add_mesh(arrow, color=IMPACT, **MATT)
-    n_spheres = len(fixtures.spheres)
-    all_drawn = "" if drawn == n_spheres else f", {drawn} drawn"
-    impact = f"impact of a chain of {n_spheres}{all_drawn}" if n_spheres else "impact"
-    return [(impact, IMPACT)]
+    counts, drawn = [], 0
+    for strike, radii in ((fixtures.strike, fixtures.spheres), *fixtures.further):
+        point, direction, depth = np.array(strike[:3]), np.array(strike[3:]), 0.0
+        for radius in radii:
+            if depth and depth + 2 * radius > CHAIN_LENGTH * size:
+                break
+            drawn += 1
+            sphere = pv.Sphere(radius=radius, center=point - (depth + radius) * direction)
+            plotter.add_mesh(sphere, color=SPHERE, smooth_shading=True, **MATT)
+            depth += 2 * radius
+        arrow = pv.Arrow(
+            start=point - (depth + 0.1 * size) * direction, direction=direction,
+            scale=0.09 * size, shaft_radius=0.05, tip_radius=0.14, tip_length=0.4,
+        )  # fmt: skip
+        plotter.add_mesh(arrow, color=IMPACT, **MATT)
+        counts.append(len(radii))
+    several = len(counts) > 1
+    if not any(counts):
+        return [("impacts" if several else "impact", IMPACT)]
+    chains = "impacts of chains of" if several else "impact of a chain of"
+    all_drawn = "" if drawn == sum(counts) else f", {drawn} drawn"
+    return [(f"{chains} {' and '.join(map(str, counts))}{all_drawn}", IMPACT)]
 
 
 def dimensions(

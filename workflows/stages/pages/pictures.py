@@ -41,7 +41,9 @@ def pictures(
 ) -> tuple[Picture, ...]:
     """Pictures of the meshed assembly with what strikes, joins and holds it, of four modes, and of
     where the error of the mesh arises; raises NoPicture."""
-    shown = fixtures(scene, mesh) | {"strike": _struck(contact)}
+    shown = fixtures(scene, mesh)
+    if not scene.chains:
+        shown["strike"] = _struck(contact)
     if missed.of_cells:
         shown["missed"] = np.concatenate([missed.of_cells[b] for b in modes.field.meshes]).tolist()
     return _rendered(modes.field, shown)
@@ -62,7 +64,7 @@ def _struck(contact: fem.ContactPatch) -> list[float]:
 def picture_of_parts(scene: Scene, mesh: Parts) -> Picture:
     """Picture of the meshed assembly with the chain, and what joins and holds it; raises
     NoPicture."""
-    return picture_of(mesh.meshes, fixtures(scene, mesh) | {"spheres": _spheres(scene)})
+    return picture_of(mesh.meshes, fixtures(scene, mesh, spheres=True))
 
 
 def picture_of(meshes: dict[str, Mesh], shown: dict[str, Any]) -> Picture:
@@ -81,18 +83,24 @@ def fixtures_of_faces(
         face = chosen.selection.faces[f"held-{i}"]
         held += [corners for tag in face.tags for corners in triangles[face.body][tag].tolist()]
     return {
-        "strike": None if chosen.struck is None else _hit(chosen.struck),
-        "spheres": _spheres(scene),
+        **_impacts(scene, chosen, spheres=True),
         "joints": [(place.joint, place.centre.tolist(), place.axis.tolist()) for place in places],
         "held": held,
     }
 
 
-def _spheres(scene: Scene) -> list[float]:
-    """Radii [m] of the chain from its last sphere on."""
-    if scene.chain is None:
-        return []
-    return np.broadcast_to(scene.chain.radius, scene.chain.count)[::-1].tolist()
+def _impacts(scene: Scene, chosen: Placed | Parts, *, spheres: bool) -> dict[str, Any]:
+    """The place that the chain strikes, or each of several, with the radii [m] of the spheres from
+    the last one on if they are asked for."""
+    hits = chosen.struck_by_chains or ([] if chosen.struck is None else [chosen.struck])
+    if not hits:
+        return {}
+    radii: list[list[float]] = [[] for _ in hits]
+    if spheres and (scene.chain or scene.chains):
+        alone = [scene] if scene.chain else scene.of_each_chain.values()
+        radii = [np.broadcast_to(one.chain.radius, one.chain.count)[::-1].tolist() for one in alone]
+    (strike, of_first), *further = zip(map(_hit, hits), radii, strict=True)
+    return {"strike": strike, "spheres": of_first, "further": further}
 
 
 def _hit(struck: Struck) -> list[float]:
@@ -101,7 +109,7 @@ def _hit(struck: Struck) -> list[float]:
     return [*struck.point.tolist(), *inward.tolist()]
 
 
-def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
+def fixtures(scene: Scene, mesh: Parts, *, spheres: bool = False) -> dict[str, Any]:
     """Things that `report.render` draws besides the meshes, for JSON."""
     joints = []
     for joint in mesh.connections.joints:
@@ -111,7 +119,7 @@ def fixtures(scene: Scene, mesh: Parts) -> dict[str, Any]:
         axis = axes[2] if spread[2] < 1e-6 * spread[0] else joint.frame[2]
         joints.append((joint.name, joint.centre.tolist(), axis.tolist()))
     return {
-        "strike": None if mesh.struck is None else _hit(mesh.struck),
+        **_impacts(scene, mesh, spheres=spheres),
         "joints": joints,
         "held": [
             facet.tolist() for side in mesh.connections.held for facet in _facets(mesh, side.face)
