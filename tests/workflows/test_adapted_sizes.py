@@ -82,9 +82,10 @@ def hz(held, n=12):
 
 
 def test_a_held_beam_meets_the_error_with_less_than_even_elements_leave():
-    """Its clamped edge is singular. The frequency of the limit is that of mesh.error = 1e-3 with
-    30 096 unknowns, 109.9387 Hz, less its own error by the order of three such meshes."""
-    limit = 109.93
+    """Its clamped edge is singular. The frequency of the limit is extrapolated: from the mesh of
+    mesh.error = 0.02, each element split in 8 and in 64, 109.9152 Hz; from that of 0.003, split in
+    8, with the orders 1.45 of the edge and 1.8 of these, 109.909 to 109.913 Hz."""
+    limit = 109.912
     adapted = of("cantilever", "mesh.error=0.003")
     sizes = adapted("sizes")
     assert sizes.bounded_by is None
@@ -93,13 +94,32 @@ def test_a_held_beam_meets_the_error_with_less_than_even_elements_leave():
     assert np.all(np.diff(counts) > 0)
     assert adapted("model").K.shape[0] == counts[-1]
 
-    # what is stated covers the way to the limit; as many even elements leave thrice as much
+    # what is stated covers the way to the limit; more even elements leave four times as much
     error = 1 - limit / hz(adapted, 1)[0]
     stated = adapted("missed-energy").of_frequencies(adapted("modes").omega)[0]
     assert 0 < error < stated <= 0.003
     even = of("cantilever", "mesh.scale=0.5")
-    assert 0.8 * counts[-1] < even("model").K.shape[0] < 1.2 * counts[-1]
-    assert 1 - limit / hz(even, 1)[0] > 2.5 * error
+    assert even("model").K.shape[0] > 1.2 * counts[-1]
+    assert 1 - limit / hz(even, 1)[0] > 4 * error
+
+
+def test_elements_at_a_contact_follow_from_the_compliance_there():
+    """The patch of 2 mm asks for none of its size, unless `strike.seed` does or the structure
+    floats, whose compliance has no bound."""
+    floats = ("assembly.held=[]", "mesh.modes=1")
+
+    def at_contact(*changes):
+        held = of("cantilever", "mesh.error=0.05", *changes)
+        beam, point = held("mesh").meshes["beam"], held("contact").spot.point
+        near = np.argmin(np.linalg.norm(beam.p[:, beam.t].mean(axis=1).T - point, axis=1))
+        return held, float(np.ptp(beam.p[0, beam.t[:, near]]))
+
+    held, length = at_contact()
+    assert length > 8e-3
+    assert held("sizes").meshes[0].unknowns < 0.5 * of("cantilever")("model").K.shape[0]
+    assert at_contact("strike.seed=0.004")[1] < 6e-3
+    floating, length = at_contact(*floats)
+    assert floating("sizes").sizes.fine and length < 6e-3
 
 
 def test_the_same_scene_has_the_same_mesh(tmp_path, monkeypatch):
@@ -201,21 +221,21 @@ def test_the_compliance_at_every_chain_is_bounded():
     assert both.stated == pytest.approx(swapped.stated, rel=1e-4)
     assert both.stated == pytest.approx(max(one.stated, other.stated), rel=1e-4)
     assert one.stated != pytest.approx(other.stated, rel=0.02)
-    cells = both.of_cells["plate"]
-    each = np.maximum(one.of_cells["plate"], other.of_cells["plate"])
+    cells = both.of_cells["plate"]  # of the mode, of either chain
+    each = np.column_stack([one.of_cells["plate"], other.of_cells["plate"][:, 1]])
     assert cells == pytest.approx(each, abs=1e-3 * cells.max())
-    assert np.abs(cells - one.of_cells["plate"]).max() > 0.1 * cells.max()
+    assert np.abs(cells[:, 2] - cells[:, 1]).max() > 0.1 * cells.max()
 
 
 @pytest.mark.slow
 def test_a_search_that_gains_little_takes_a_larger_step():
-    """A tube of one layer of tetrahedra: asked for 5 %, meshes of 9 000 and 15 000 unknowns leave
-    7 %, one of 30 000 less than asked."""
+    """A tube of one layer of tetrahedra: asked for 5 %, meshes of 4 600 and 8 600 unknowns leave
+    9 and 7 %, the third has four times as many as the second."""
     tube = upright({"radius": 0.025, "length": 0.1, "bore": 0.017})
     sizes = of({**tube, "mesh": {"error": 0.05, "element": "tet"}})("sizes")
     assert sizes.bounded_by is None and sizes.stated < 0.05
     n = [mesh.unknowns for mesh in sizes.meshes]
-    assert n[-1] > 0.7 * adapted_sizes.SLOW_GROWTH * n[-2]
+    assert n[2] > 0.7 * adapted_sizes.SLOW_GROWTH * n[1]
 
 
 def test_a_bound_is_said_with_what_the_error_would_take():

@@ -142,7 +142,7 @@ def placed(
     joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
     pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
     named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
-    hits = _hits(scene, layout, selection)
+    hits = _hits(scene, layout, selection, sizes.fine)
     face = hits[0][0] if hits else None
     if face:
         named[STRIKE] = face.face
@@ -223,9 +223,12 @@ def with_bolts_of(scene: Scene, mesh: Parts) -> Parts:
     return mesh._replace(bolted=tuple(bolted.values()))
 
 
-def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[Struck, float]]:
-    """Places that are struck, with the size of elements [m] there: that of the scene, or of each of
-    several chains in their order. Raises InvalidScene where another body lies on one."""
+def _hits(
+    scene: Scene, layout: Drawing, selection: NamedParts, fine: bool
+) -> list[tuple[Struck, float]]:
+    """Places that are struck, with the size of elements [m] there, infinite where it is neither
+    given nor to be `fine`: that of the scene, or of each of several chains in their order. Raises
+    InvalidScene where another body lies on one."""
     several = scene.of_each_chain
     if scene.crystal:
         strikes = {"crystal": (scene, selection.struck)} if scene.strike else {}
@@ -249,7 +252,7 @@ def _hits(scene: Scene, layout: Drawing, selection: NamedParts) -> list[tuple[St
                 f"the point struck, {np.round(hit.point, 6).tolist()} m, or less than "
                 f"{radius:g} m next to it; move it by {key}.at."
             )
-        hits.append((hit, one.strike.size))
+        hits.append((hit, one.strike.size if fine or one.strike.seed else np.inf))
     return hits
 
 

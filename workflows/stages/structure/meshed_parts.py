@@ -28,6 +28,8 @@ class ElementSizes(NamedTuple):
     # has another box now is stretched onto it
     boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
     curved: bool = False  # whether elements follow curved faces, with fewer edges around circles
+    # whether elements at a contact are as small as its patch; else only where its seed is given
+    fine: bool = True
 
 
 class SolvedMesh(NamedTuple):

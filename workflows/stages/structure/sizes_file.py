@@ -3,6 +3,7 @@
 asked, stated, floor    relative errors
 scale, usual            times all sizes, and times those by the shape of a body at most
 curved                  1 of elements that follow curved faces, 0 of straight ones
+fine                    1 of elements at a contact as small as its patch, 0 of others
 points.NAME (n, 3) [m]  places in a body, between which the nearest one counts
 sizes.NAME (n, m) [m]   sizes there along each of its axes
 axes.NAME (m, 3)        unit vectors; a row of zeros stands for all directions that no other row has
@@ -19,7 +20,7 @@ from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.scene.named_files import require_file
 from beadwave.workflows.stages.structure.meshed_parts import AdaptedSizes, ElementSizes
 
-NUMBERS = "asked", "stated", "floor", "scale", "usual", "curved"
+NUMBERS = "asked", "stated", "floor", "scale", "usual", "curved", "fine"
 ADVICE = "give the sizes.npz of a run with mesh.error"
 
 
@@ -27,7 +28,8 @@ def arrays_of(adapted: AdaptedSizes) -> dict[str, NDArray]:
     """The content of a file by names."""
     sizes = adapted.sizes
     values = (
-        adapted.asked, adapted.stated, adapted.floor, sizes.scale, sizes.usual, float(sizes.curved)
+        adapted.asked, adapted.stated, adapted.floor, sizes.scale, sizes.usual,
+        float(sizes.curved), float(sizes.fine),
     )  # fmt: skip
     content = {name: np.array(value) for name, value in zip(NUMBERS, values, strict=True)}
     for body, field in sizes.fields.items():
@@ -51,7 +53,7 @@ def adapted_of(path: str) -> AdaptedSizes:
     missing += [name for body in bodies for name in _names(body) if name not in content]
     if missing:
         raise InvalidScene(f"mesh.sizes = {path!r} has no array {missing[0]!r}; {ADVICE}.")
-    asked, stated, floor, scale, usual, is_curved = (
+    asked, stated, floor, scale, usual, is_curved, is_fine = (
         _number(path, content, name) for name in NUMBERS
     )
     fields, boxes = {}, {}
@@ -72,7 +74,7 @@ def adapted_of(path: str) -> AdaptedSizes:
                 f"mesh.sizes = {path!r}: sizes and box of {body!r} must be above 0; {ADVICE}."
             )
         fields[body], boxes[body] = SizeField(points, sizes, axes), box
-    sizes_of_all = ElementSizes(fields, usual, scale, boxes, is_curved > 0)
+    sizes_of_all = ElementSizes(fields, usual, scale, boxes, is_curved > 0, is_fine > 0)
     return AdaptedSizes(sizes_of_all, asked, stated, floor, None, None, None, "", ())
 
 
