@@ -175,10 +175,10 @@ def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
     # the geometric stiffness is left out of W, as it changes frequencies by parts in a thousand
     rows = np.concatenate([np.arange(m), m + stuck, 2 * m + stuck])
     C = contact.C[rows]
-    W = contact.interface.openings(contact.layers, contact.interface.W[:, rows])[rows]
+    W, _ = contact.interface.changed(contact.layers, rows, np.zeros(contact.C.shape[0]))
     k = area / (1 / contact.hard + contact.rough)
     interface = FrictionInterface(
-        W=(W + W.T) / 2,
+        W=W,
         stuck=stuck,
         closed=contact.state != OPEN,
         normal=k,

@@ -13,7 +13,10 @@ K_r = K + C^T k A C, which is regular even where contact alone holds a body:
 C the openings along the normal and across, and the elongations of the bolts. Layers of other
 stiffness, K_r + C^T D C, change W and d by as many unknowns as layers (Woodbury):
 
-    d' = d - W_:R D_R (1 + W_RR D_R)^-1 d_R.
+    W' = W - W_:R G^-1 W_R:,    d' = d - W_:R G^-1 d_R,    G = 1 / D_R + W_RR,
+
+where G of layers that all stiffen and -G of those that all soften are positive definite, as the
+changed matrix is.
 
 So the zone is a system of as many unknowns as facets, of which the closed ones are found by the
 semi-smooth Newton method, which for this law is an active set (Hintermueller, Ito and Kunisch, SIAM
@@ -21,11 +24,12 @@ J. Optim. 13 (2003) 865). Other preloads, gaps, friction and roughness factorise
 With gaps of 0 the zone does not depend on the preload.
 """
 
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import lu_factor, lu_solve, solve_triangular
 from scipy.sparse import csr_matrix, diags_array, vstack
 from scipy.spatial import cKDTree
 
@@ -38,14 +42,16 @@ from beadwave.fem.contact.coulomb_friction import (
 )
 from beadwave.fem.contact.facing_facets import FacingFacets
 from beadwave.fem.modes.solver.factorisation import Factor, condensed_on
+from beadwave.fem.modes.solver.multifrontal import NEITHER, Singular
 
 MAX_STEPS = 60  # of Newton's method, which took 4 to 12
 OPEN, SLIDING, STUCK = 0, 1, 2
 NEIGHBOURS = 5  # of a facet by the distance of their middles, itself included
 MINDLIN = 14 / 17  # stiffness along over that across, 2 (1 - nu) / (2 - nu) of nu = 0.3
 # of a layer's stiffness across that is left while the zone is found without friction, so that a
-# body which contact alone holds has one: of 300 E / h it is 3e-6 of the elements' stiffness
-LEFT_ACROSS = 1e-8
+# body which contact alone holds has one: of 300 E / h it is 3e-6 of the elements' stiffness; the
+# second one where that is lost to rounding
+LEFT_ACROSS = 1e-8, 1e-6
 
 
 class Interface(NamedTuple):
@@ -55,18 +61,40 @@ class Interface(NamedTuple):
     layers: NDArray[np.float64]  # (r,) [N/m] of the reference; 0 of bolts
     W: NDArray[np.float64]  # (r, r) [m/N]
 
-    def openings(
-        self,
-        layers: NDArray[np.float64],
-        d: NDArray[np.float64],
-        at: NDArray[np.int64] | slice = slice(None),
-    ) -> NDArray[np.float64]:
-        """Openings (r,) or (r, k) [m] with other layers (r,) [N/m] under the forces that cause d in
-        the reference, of all rows or `at` some; W for d is the compliance with them."""
+    def changed(
+        self, layers: NDArray[np.float64], rows: NDArray[np.int64], d: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The compliance (k, k) [m/N] of `rows` (k,) with other layers (r,) [N/m], and their
+        openings (k,) [m] under the forces that cause d (r,) in the reference."""
         change = layers - self.layers
-        rows = np.flatnonzero(change)
-        own = np.eye(len(rows)) + self.W[np.ix_(rows, rows)] * change[rows]
-        return d[at] - (self.W[at][:, rows] * change[rows]) @ np.linalg.solve(own, d[rows])
+        stiffer, softer = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+        # stiffer first: all that is between is regular if both ends are
+        Z = np.zeros((0, len(d) + 1))
+        if len(stiffer):
+            G = np.diag(1 / change[stiffer]) + self.W[np.ix_(stiffer, stiffer)]
+            own = np.column_stack([self.W[stiffer], d[stiffer]])
+            Z = solve_triangular(np.linalg.cholesky(G), own, lower=True)
+
+        def stiffened(at: NDArray[np.int64], by: NDArray[np.int64]) -> NDArray[np.float64]:
+            """Openings of rows `at` by unit forces on rows `by`, and in the last column by d."""
+            own = np.column_stack([self.W[np.ix_(at, by)], d[at]])
+            return own - Z[:, at].T @ Z[:, np.append(by, -1)]
+
+        both = stiffened(rows, rows)
+        if len(softer):
+            G = np.diag(-1 / change[softer]) - stiffened(softer, softer)[:, :-1]
+            own = stiffened(softer, rows)
+            both += _inverse_form(G, own)[:-1]
+        return both[:, :-1], both[:, -1]
+
+
+def _inverse_form(G: NDArray[np.float64], B: NDArray[np.float64]) -> NDArray[np.float64]:
+    """B^T G^-1 B (k, k) of a symmetric positive definite G (n, n), B (n, k)."""
+    try:
+        Z = solve_triangular(np.linalg.cholesky(G), B, lower=True, check_finite=False)
+    except np.linalg.LinAlgError:  # nearly singular, and by rounding not positive definite
+        return B.T @ np.linalg.solve(G, B)
+    return Z.T @ Z
 
 
 class PreloadedContact(NamedTuple):
@@ -128,7 +156,11 @@ class CondensedContact(NamedTuple):
     C: csr_matrix  # (3 m + b, n) openings of the free dofs, and elongations of bolts
     interface: Interface
     factor: Factor  # of K_r
-    sliding: NDArray[np.float64]  # (r, r) [m/N] W without friction
+    sliding: NDArray[np.float64]  # (m, m) [m/N] W of the normals without friction
+    # as friction is taken away: L (2 m, 2 m) of L L^T = 1 / D - W_tt, D what layers across lose,
+    # and L^-1 W_tn (2 m, m), of rows n along the normals and t across
+    across: NDArray[np.float64]
+    coupling: NDArray[np.float64]
 
     def solver(self, layers: NDArray[np.float64]) -> "ChangedFactor":
         """The factor with other layers (r,) [N/m], (1 + W D)^-1 of those that change."""
@@ -176,13 +208,17 @@ def condensed(
     K_r = (K + C.T @ diags_array(layers) @ C + shift * M).tocsc()
     factor, W = condensed_on(K_r, C, shifted=shift > 0)
     interface, m = Interface(layers, W), len(kA)
-    sliding = interface.openings(_without_friction(layers, m), W)
-    return CondensedContact(facets, stiffness, C, interface, factor, sliding)
-
-
-def _without_friction(layers: NDArray[np.float64], m: int) -> NDArray[np.float64]:
-    """Layers (r,) of the reference with what is left of those across."""
-    return np.where((np.arange(len(layers)) >= m), LEFT_ACROSS, 1.0) * layers
+    normals, tangents = np.split(np.arange(3 * m), [m])
+    for left in LEFT_ACROSS:
+        G = np.diag(1 / ((1 - left) * layers[tangents])) - W[np.ix_(tangents, tangents)]
+        with suppress(np.linalg.LinAlgError):
+            L = np.linalg.cholesky(G)
+            break
+    else:
+        raise Singular(NEITHER)
+    Z = solve_triangular(L, W[np.ix_(tangents, normals)], lower=True, check_finite=False)
+    sliding = W[:m, :m] + Z.T @ Z
+    return CondensedContact(facets, stiffness, C, interface, factor, sliding, L, Z)
 
 
 def preloaded_contact(
@@ -194,14 +230,12 @@ def preloaded_contact(
     that nothing else holds.
     """
     facets, m = contact.facets, len(contact.facets.area)
-    layers, W = contact.interface.layers, contact.sliding[:m, :m]
+    layers, W = contact.interface.layers, contact.sliding
     kA = layers[:m]
     g_0 = facets.gap if gap is None else gap
-    free = _without_friction(layers, m)
-    # (1 + W D)^-1 c = c - W' D c with the compliance W' of the changed interface
     by_load = contact.C @ contact.factor.solve(F)
-    by_load -= contact.sliding @ ((free - layers) * by_load)
-    c = by_load[:m]
+    y = solve_triangular(contact.across, by_load[m : 3 * m], lower=True, check_finite=False)
+    c = by_load[:m] + contact.coupling.T @ y
 
     closed, seen = np.ones(m, bool), set()
     for step in range(1, MAX_STEPS + 1):  # noqa: B007  the number of steps is a result
@@ -224,9 +258,11 @@ def preloaded_contact(
     if not closed.any():
         raise ValueError("the forces open all of the contact; preload it more, or hold the bodies.")
     P = np.where(closed, -kA * (g_0 + d), 0.0)
-    beyond = (layers - free) * (by_load + contact.sliding[:, :m] @ (P + kA * d))
-    beyond[:m] = P + kA * d
-    u = contact.factor.solve(F + contact.C.T @ beyond)
+    beyond = P + kA * d
+    s = solve_triangular(
+        contact.across, y + contact.coupling @ beyond, lower=True, trans="T", check_finite=False
+    )
+    u = contact.factor.solve(F + contact.C[: 3 * m].T @ np.append(beyond, s))
     zero = np.zeros(m)
     return PreloadedContact(
         facets=facets,
@@ -275,25 +311,24 @@ def with_friction(
     rows = np.concatenate([np.arange(m), m + on, 2 * m + on])
     P_0 = np.where(closed, -kA * g_0, 0.0)
     c = contact.C @ contact.factor.solve(F + contact.C[:m].T @ P_0)
-    both = interface.openings(layers, np.column_stack([c, interface.W[:, rows]]))
-    c, W = both[:, 0], both[:, 1:]
+    W, d_1 = interface.changed(layers, rows, c)
     stuck = interface.layers[m + on]
-    bolts = np.maximum((contact.facets.area * state.bolts)[on], LEFT_ACROSS * stuck)
+    bolts = np.maximum((contact.facets.area * state.bolts)[on], LEFT_ACROSS[0] * stuck)
     loaded = Loaded(
         FrictionInterface(
-            W=W[rows], stuck=on, closed=closed, normal=kA, force=P_0, gap=g_0, across=stuck - bolts,
+            W=W, stuck=on, closed=closed, normal=kA, force=P_0, gap=g_0, across=stuck - bolts,
             shear=np.zeros((2, len(on))), friction=friction[on],
         ),
-        c[rows], 0.0,
+        d_1, 0.0,
     )  # fmt: skip
     none = SlipState(0.0, np.zeros(len(rows)), np.zeros(len(on), bool))
     after = loaded_to(loaded, none, 1.0)
 
-    d = c + W @ after.s
+    d = d_1 + W @ after.s
     P = np.where(closed, P_0 - kA * d[:m], 0.0) + after.s[:m]
     P[P < CONVERGED * P.max()] = 0.0  # an open facet has rounding
     shear = np.zeros((2, m))
-    across = d[rows[m:]].reshape(2, -1)
+    across = d[m:].reshape(2, -1)
     shear[:, on] = after.s[m:].reshape(2, -1) - (stuck - bolts) * across
     shear *= P > 0
     slides = np.ones(m, bool)

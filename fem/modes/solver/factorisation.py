@@ -155,8 +155,9 @@ class Pardiso:
         return x
 
 
-def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
-    """Factor of a symmetric A (n, n), reusable for any number of right-hand sides.
+def factorised(A: csc_matrix, *, recovered: float = 1e-3, dissected: bool = False) -> Factor:
+    """Factor of a symmetric A (n, n), reusable for any number of right-hand sides; if `dissected`
+    the work of minimum degree is not counted first, but for small matrices.
 
     Raises ValueError when A is singular or not finite: a random solution must be recovered to the
     relative error `recovered`, of which a singular matrix loses everything.
@@ -173,7 +174,7 @@ def factorised(A: csc_matrix, *, recovered: float = 1e-3) -> Factor:
         factor = Pardiso(A)
     elif n >= few and is_real:
         groups = grouped(A)
-        if n >= many or minimum_degree_work(groups) >= WORTH_DISSECTION * n:
+        if dissected or n >= many or minimum_degree_work(groups) >= WORTH_DISSECTION * n:
             with suppress(NotPositiveDefinite):  # it has no Cholesky factor
                 factor = Cholesky(A, groups)
     factor = factor or _superlu(A)
@@ -197,10 +198,12 @@ def condensed_on(
         bordered = Pardiso(A, C)
         _require_recovered(A, bordered, recovered, rows)
         return bordered, (bordered.compliance + bordered.compliance.T) / 2
-    factor = factorised(A, recovered=np.inf if shifted else recovered)
+    # SuperLU substitutes for each row, which takes longer than either factor
+    loosely, dissected = np.inf if shifted else recovered, C.shape[0] > AT_ONCE
+    factor = factorised(A, recovered=loosely, dissected=dissected)
     _require_recovered(A, factor, recovered, rows)
     if isinstance(factor, Cholesky):
-        return factor, factor.compliance(C, AT_ONCE)
+        return factor, factor.compliance(C)
     W = np.empty((C.shape[0],) * 2)
     for first in range(0, len(W), AT_ONCE):
         block = slice(first, first + AT_ONCE)
