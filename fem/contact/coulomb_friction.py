@@ -70,7 +70,8 @@ class Part(NamedTuple):
     facets: NDArray[np.bool_]  # (m,)
     rows: NDArray[np.int64]  # (r,)
     interface: FrictionInterface
-    W: NDArray[np.float64]  # (r, m + 2 s) [m/N] compliance of all rows by forces on these
+    other_rows: NDArray[np.int64]  # (m + 2 s - r,)
+    others: FrictionInterface  # of the other facets; its W (r, m + 2 s - r) is by forces on these
 
 
 class SlipState(NamedTuple):
@@ -84,14 +85,20 @@ class SlipState(NamedTuple):
     change: NDArray[np.float64] | float = 0.0  # (m + 2 s,) of s in it
 
 
-def loaded_to(loaded: Loaded, state: SlipState, alpha: float, n_steps: int = 1) -> SlipState:
+def loaded_to(
+    loaded: Loaded,
+    state: SlipState,
+    alpha: float,
+    n_steps: int = 1,
+    guess: NDArray[np.float64] | None = None,
+) -> SlipState:
     """The state under another load, in equal steps, each halved where it does not converge; raises
-    NoEquilibrium."""
+    NoEquilibrium. A guess of its forces s (m + 2 s,) saves some of Newton's steps."""
     for target in np.linspace(state.alpha, alpha, n_steps + 1)[1:]:
         steps = [(target, 0)]
         while steps:
             goal, halvings = steps[-1]
-            after = _equilibrium(loaded, state, goal)
+            after = _equilibrium(loaded, state, goal, guess if goal == alpha else None)
             if after is not None:
                 state = after
                 steps.pop()
@@ -117,13 +124,23 @@ class Unmet(NamedTuple):
 
 def part_of(interface: FrictionInterface, facets: NDArray[np.bool_]) -> Part:
     """Facets (m,) of an interface."""
+    rows, own = _restricted(interface, facets)
+    other_rows, others = _restricted(interface, ~facets)
+    # columns by `take`: an index would leave them stored by columns, at three times the cost
+    W = interface.W[rows]
+    own = own._replace(W=W.take(rows, axis=1))
+    return Part(facets, rows, own, other_rows, others._replace(W=W.take(other_rows, axis=1)))
+
+
+def _restricted(
+    interface: FrictionInterface, facets: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], FrictionInterface]:
+    """Rows (r,) of some facets (m,), and these facets with the W of all."""
     at, m, n_stuck = np.flatnonzero(facets), interface.m, len(interface.stuck)
     of_stuck = np.flatnonzero(facets[interface.stuck])
     rows = np.concatenate([at, m + of_stuck, m + n_stuck + of_stuck])
-    W = interface.W[rows]
     number = np.cumsum(facets) - 1
-    own = FrictionInterface(
-        W=W[:, rows],
+    return rows, interface._replace(
         stuck=number[interface.stuck[of_stuck]],
         closed=interface.closed[at],
         normal=interface.normal[at],
@@ -133,42 +150,49 @@ def part_of(interface: FrictionInterface, facets: NDArray[np.bool_]) -> Part:
         shear=interface.shear[:, of_stuck],
         friction=interface.friction[of_stuck],
     )
-    return Part(facets, rows, own, W)
 
 
-def _equilibrium(loaded: Loaded, before: SlipState, alpha: float) -> SlipState | None:
+def _equilibrium(
+    loaded: Loaded, before: SlipState, alpha: float, guess: NDArray[np.float64] | None
+) -> SlipState | None:
     """The state after a load step; None where Newton's method does not converge. Solved on the
     facets that have opened, closed or slipped so far, to which come those that then would."""
     interface, linear = loaded.interface, alpha * loaded.openings
     largest = np.abs(interface.force).max(initial=0.0)
     scale = max(np.abs(interface.layers * linear).max(initial=0.0), largest)
     part = before.part or part_of(interface, np.zeros(interface.m, bool))
-    # a guess, as the step before was, unless the load turns
-    step, s = alpha - before.alpha, before.s
-    if step * before.step > 0:
+    # without a guess as the step before was, unless the load turns
+    step, s = alpha - before.alpha, before.s if guess is None else guess
+    if guess is None and step * before.step > 0:
         s = s + step / before.step * before.change
     while True:
-        rows = part.rows
+        rows, others = part.rows, part.other_rows
         solved = _newton(part.interface, before.s[rows], s[rows], linear[rows], scale)
         if solved is None:
             return None
-        s = np.zeros(len(linear))
-        s[rows] = solved
-        unmet = _unmet(interface, before.s, s, linear + solved @ part.W)
+        forces, slips = solved
+        zero = np.zeros(len(others))
+        unmet = _unmet(part.others, zero, zero, linear[others] + forces @ part.others.W)
         moved = unmet.opens | unmet.closes
-        moved[interface.stuck[unmet.slips]] = True
-        if not np.any(moved & ~part.facets):
-            return SlipState(alpha, s, unmet.slips, part, step, s - before.s)
-        moved[interface.stuck[unmet.load > NEARLY]] = True
-        part = part_of(interface, part.facets | moved)
+        moved[part.others.stuck[unmet.slips]] = True
+        s = np.zeros(len(linear))
+        s[rows] = forces
+        if not moved.any():
+            slipped = np.zeros(len(interface.stuck), bool)
+            slipped[part.facets[interface.stuck]] = slips
+            return SlipState(alpha, s, slipped, part, step, s - before.s)
+        moved[part.others.stuck[unmet.load > NEARLY]] = True
+        grown = part.facets.copy()
+        grown[~part.facets] = moved
+        part = part_of(interface, grown)
 
 
 def _newton(
     interface: FrictionInterface, s_before: NDArray, s: NDArray, linear: NDArray, scale: float
-) -> NDArray[np.float64] | None:
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
     """Forces (m + 2 s,) [N] beyond the linear model at its openings `linear` (m + 2 s,) [m], from a
-    guess s; None where the semi-smooth Newton method does not converge to CONVERGED times `scale`
-    [N].
+    guess s, and the facets (s,) that slip; None where the semi-smooth Newton method does not
+    converge to CONVERGED times `scale` [N].
 
     With d = alpha d_1 + W s the forces are T = T_0 + s_t - k d_t and P = P_0 + s_n - k d_n, so that
     s_t less that of the step before is k times the slip, s_n of a closed facet k times its opening:
@@ -182,7 +206,7 @@ def _newton(
     for _ in range(MAX_STEPS):
         unmet = _unmet(interface, s_before, s, linear + interface.W @ s)
         if np.abs(unmet.F).max(initial=0.0) <= CONVERGED * scale:
-            return s
+            return s, unmet.slips
         try:
             s = s + _newton_step(interface, unmet)
         except np.linalg.LinAlgError:  # nothing holds what the faces let go
@@ -222,41 +246,43 @@ def _newton_step(interface: FrictionInterface, unmet: Unmet) -> NDArray[np.float
     the linearised equations of those that do."""
     W, m, k = interface.W, interface.m, interface.layers
     moved, at = np.flatnonzero(unmet.opens | unmet.closes), np.flatnonzero(unmet.slips)
-    tangents = m + at, m + len(interface.stuck) + at
-    active = np.concatenate([moved, *tangents])
+    # P, T_1 and T_2 of the facets that slip
+    slipping = np.column_stack([interface.stuck[at], m + at, m + len(interface.stuck) + at])
+    active = np.concatenate([moved, slipping[:, 1:].ravel()])
     step = -unmet.F
     step[active] = 0.0
     if not len(active):
         return step
 
-    # change of P and T of these rows, s - k d, and of h, s + k d, by the active s, and by the steps
-    # that are known
-    rows = np.concatenate([moved, interface.stuck[at], *tangents])
-    factor = -k[rows]
-    factor[: len(moved)][unmet.closes[moved]] *= -1.0
-    J = factor[:, None] * W[np.ix_(rows, active)]
-    column = np.full(len(k), -1)
-    column[active] = np.arange(len(active))
-    own = np.flatnonzero(column[rows] >= 0)
-    J[own, column[rows[own]]] += 1.0
-    given = np.flatnonzero(step)
-    known = step[rows] + factor * (step[given] @ W[given])[rows]
+    # change of P where a facet opens, s - k d, and of h where one closes, s + k d
+    sign = np.where(unmet.closes[moved], k[moved], -k[moved])
+    # and of friction less mu P n, by those of P and T, s - k d
+    n, share, mu = unmet.n[:, at].T, unmet.share[at], interface.friction[at]
+    turns = share[:, None, None] * (np.eye(2) - n[:, :, None] * n[:, None, :])
+    change = np.concatenate([-(mu[:, None] * n)[:, :, None], np.eye(2) - turns], axis=2)
 
-    # P of those that open, h of those that close; friction less mu P n of those that slip
-    ends = len(moved) + len(at) * np.arange(3)
-    of_moved, of_P, *of_T = np.split(J, ends)
-    known_moved, known_P, *known_T = np.split(known, ends)
-    n, share, mu = unmet.n[:, at], unmet.share[at], interface.friction[at]
-    equations, changes = [of_moved], [known_moved]
-    for i in range(2):
-        equation, change = -(mu * n[i])[:, None] * of_P, -mu * n[i] * known_P
-        for j in range(2):
-            turns = share * (float(i == j) - n[i] * n[j])
-            equation += (float(i == j) - turns)[:, None] * of_T[j]
-            equation[np.arange(len(at)), column[tangents[j]]] += BROUGHT_BACK * turns
-            change += (float(i == j) - turns) * known_T[j]
-        equations.append(equation)
-        changes.append(change)
-    right = -unmet.F[active] - np.concatenate(changes)
-    step[active] = np.linalg.solve(np.vstack(equations), right)
+    # by the active s, facet by facet
+    equations = np.empty((len(active), len(active)))
+    equations[: len(moved)] = sign[:, None] * W[moved].take(active, axis=1)
+    by_d = change * -k[slipping][:, None, :]
+    openings = W[slipping.ravel()].take(active, axis=1).reshape(len(at), 3, len(active))
+    equations[len(moved) :] = (by_d @ openings).reshape(-1, len(active))
+    own = np.arange(len(moved))
+    equations[own, own] += 1.0
+    columns = len(moved) + np.arange(2 * len(at)).reshape(-1, 1, 2)
+    rows = columns.reshape(-1, 2, 1)
+    equations[rows, columns] += change[:, :, 1:] + BROUGHT_BACK * turns
+    place = np.full(m, -1)
+    place[moved] = own
+    open_too = np.flatnonzero(place[slipping[:, 0]] >= 0)
+    equations[rows[open_too, :, 0], place[slipping[open_too, :1]]] += change[open_too, :, 0]
+
+    # and by the steps that are known
+    given = np.flatnonzero(step)
+    d = step[given] @ W[given]
+    known = (step - k * d)[slipping]
+    right = -unmet.F[active]
+    right[: len(moved)] -= sign * d[moved]
+    right[len(moved) :] -= (change @ known[:, :, None]).ravel()
+    step[active] = np.linalg.solve(equations, right)
     return step
