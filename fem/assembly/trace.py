@@ -244,10 +244,13 @@ def local_coordinates(mapping, x, cells, *, n_steps: int = 12) -> NDArray[np.flo
     """
     X = np.full(x.shape, 0.5)
     for _ in range(n_steps):
-        step = np.einsum("ijkl,jkl->ikl", mapping.invDF(X, cells), x - mapping.F(X, cells))
+        inverse = mapping.invDF(X, cells)
+        step = np.einsum("ijkl,jkl->ikl", inverse, x - mapping.F(X, cells))
         X = np.clip(X + step, -0.5, 1.5)
-        if np.abs(step).max(initial=0.0) < 1e-8:  # the next one is below rounding
-            break
+        # the next step by the inverse that is known: one with its own is then below rounding
+        step = np.einsum("ijkl,jkl->ikl", inverse, x - mapping.F(X, cells))
+        if np.abs(step).max(initial=0.0) < 1e-8:
+            return X + step
     return X
 
 

@@ -106,8 +106,8 @@ def pressed_model(assembly: PressedAssembly, load: Load, faces: Sequence[PairInC
     state = pressed_state(contact, F, faces, assembly.of_each, rods.stiffness)
     stresses = stress_stiffness(structure, assembly.materials, load, T @ state.u)
     K_G = congruent(T, csr_matrix(stresses + rods.K_G + pressure_stiffness(state)))
-    K_0 = csr_matrix(model.K0 + K_G) + joined_stiffness(state)
-    return model._replace(K0=K_0.tocsc(), contact=state)
+    # K0 and K_G are stored by columns, and so is the transpose of what is stored by rows
+    return model._replace(K0=model.K0 + K_G + joined_stiffness(state).T, contact=state)
 
 
 def pressed_state(

@@ -123,10 +123,9 @@ class Cholesky:
 
             # L21 = F21 L11^-T and U = F22 - L21 L21^T, both in place
             if len(F21):
-                with one_thread():
-                    dtrsm(1.0, factor, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
                 is_large = F21.size * len(F21) > THREADS_FROM_FLOPS
                 with nullcontext() if is_large else one_thread():
+                    dtrsm(1.0, factor, F21, side=1, lower=1, trans_a=1, overwrite_b=1)
                     dsyrk(-1.0, F21, beta=1.0, c=F22, lower=1, overwrite_c=1)
             L11[:] = dtrttf(factor, uplo="L")[0]
             del factor  # else it is in memory while the next front is assembled
@@ -149,8 +148,11 @@ class Cholesky:
         to its boundary goes to its parent, as in the elimination. Substituting back as well took
         seven times as long for 3432 rows of 53 136 unknowns.
         """
-        C, r = csc_matrix(C[:, self._order]), C.shape[0]
-        W = np.zeros((r, r), order="F")  # its lower triangle
+        C, r = csr_matrix(C[:, self._order]), C.shape[0]
+        # rows in the order of the fronts that they reach first, so that those of a front are close
+        reads = np.split(C.indices, C.indptr[1:-1])
+        sequence = np.argsort([at.min(initial=C.shape[1]) for at in reads], kind="stable")
+        C, W = csc_matrix(C[sequence]), np.zeros((r, r), order="F")
         updates: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         for i, (front, (L11, L21)) in enumerate(zip(self._fronts, self.blocks, strict=True)):
             # unknowns of the front, own and boundary, under the rows that reach it
@@ -176,7 +178,14 @@ class Cholesky:
                 solved = dtfsm(1.0, L11, y[:k], uplo="L")
                 y[k:] -= L21 @ solved
                 _add(W, columns, columns, solved.T @ solved, BLOCK_COLUMNS)
-        return np.tril(W) + np.tril(W, -1).T
+
+        # the other triangle
+        for first in range(0, r, BLOCK_COLUMNS):
+            block, below = slice(first, first + BLOCK_COLUMNS), slice(first + BLOCK_COLUMNS, None)
+            W[block, block] = np.tril(W[block, block]) + np.tril(W[block, block], -1).T
+            W[block, below] = W[below, block].T
+        place = np.argsort(sequence)
+        return W[np.ix_(place, place)]
 
     def _substitute(self, y: NDArray[np.float64]) -> None:
         """Solve L L^T x = y (n, k) in place."""

@@ -46,7 +46,13 @@ class Subgraph(NamedTuple):
 
     def only(self, chosen: NDArray[np.int64]) -> "Subgraph":
         """The subgraph of the vertices `chosen` (m,), numbered as in this one."""
-        graph = self.graph[chosen][:, chosen]
+        number = np.full(len(self.vertices), -1)
+        number[chosen] = np.arange(len(chosen))
+        start, end = (number[ends] for ends in edges(self.graph, chosen))
+        inside = end >= 0
+        indptr = np.append(0, np.cumsum(np.bincount(start[inside], minlength=len(chosen))))
+        ones = np.ones(indptr[-1], np.float32)
+        graph = csr_matrix((ones, end[inside], indptr), (len(chosen),) * 2)
         return Subgraph(self.vertices[chosen], graph, self.weight[chosen], self.X[chosen])
 
 
