@@ -47,7 +47,7 @@ def test_the_compliance_of_sparse_rows_is_that_of_whole_solutions():
         )
     )
     rng = np.random.default_rng(3)
-    C = np.zeros((60, A.shape[0]))
+    C = np.zeros((150, A.shape[0]))  # more than are added at once
     for row in C[2:]:
         row[rng.integers(0, A.shape[0], 3)] = rng.standard_normal(3)
     C[1] = rng.standard_normal(A.shape[0])
