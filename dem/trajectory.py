@@ -304,10 +304,10 @@ def chain_arrays(prepared: PreparedChain, state: State, scheme: Scheme, h: float
     return ChainArrays(
         chain.mass, 1.0 / chain.mass, chain.A, chain.elastic.shape,
         preload=float(chain.preload),
-        weight=chain.gravity * chain.mass if chain.gravity else None,
+        weight=chain.gravity * chain.mass,
         friction=friction,
         offset=0.0 if wall is None else float(wall.phi @ static.q),
-        load=load,
+        load=np.zeros(chain.mass.size) if load is None else load,
         leaf=leaf,
         residual=None if wall is None else wall.residual_compliance or None,
         mobility=None if wall is None else wall.mobility or None,

@@ -164,15 +164,11 @@ def push(
 
 
 @fastmath
-def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array | None) -> None:
+def push_spheres(v: Array, dt: float, f: Array, minv: Array, load: Array) -> None:
     """v_i <- v_i + dt (f_{i-1} - f_i + load_i) / m_i, with v, minv = 1/m and load (n,),
     f (n + 1,) [N], dt [s]."""
-    if load is None:
-        for i in range(v.size):
-            v[i] += dt * minv[i] * (f[i] - f[i + 1])
-    else:
-        for i in range(v.size):
-            v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
+    for i in range(v.size):
+        v[i] += dt * minv[i] * (f[i] - f[i + 1] + load[i])
 
 
 @fastmath_inline
@@ -203,14 +199,12 @@ def damp_contacts(
 
 @fastmath_inline
 def slide_spheres(
-    v: Array, dt: float, f: Array, minv: Array, load: Array | None, friction: Array
+    v: Array, dt: float, f: Array, minv: Array, load: Array, friction: Array
 ) -> float:
     """`push_spheres` in guides, with the largest friction (n,) [N] of each; what it takes [J]."""
     lost = 0.0
     for i in range(v.size):
-        net = f[i] - f[i + 1]
-        if load is not None:
-            net += load[i]
+        net = f[i] - f[i + 1] + load[i]
         v[i], way = slid(v[i], dt, minv[i] * net, minv[i] * friction[i])
         lost += friction[i] * way
     return lost

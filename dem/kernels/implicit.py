@@ -212,7 +212,7 @@ def implicit_step(
 
 @ieee_inline
 def imbalance(
-    dt: float, f: Array, chain: ChainArrays, shape: ForceShape | None, load: Array | None,
+    dt: float, f: Array, chain: ChainArrays, shape: ForceShape | None, load: Array,
     residual: float | None, damping: Damping | None, room: tuple[StepStates, Newton],
 ) -> float:  # fmt: skip
     """Fill forces f (n + 1,) [N], slopes and what the equations miss at the positions at the end of
@@ -231,7 +231,7 @@ def imbalance(
     square = 0.0
     for i in range(n + 1):
         net = f[i] - (f[i + 1] if i < n else 0.0)
-        if load is not None and i < n:
+        if i < n:
             net += load[i]
         newton.residual[i] = free[i] + compliance[i] * net - x1[i]
         square += newton.residual[i] * newton.residual[i]
@@ -387,16 +387,14 @@ def lead(z: float) -> tuple[float, float]:
 
 @ieee_inline
 def update_spheres(
-    s: int, h: float, motion: Motion, chain: ChainArrays, load: Array | None,
+    s: int, h: float, motion: Motion, chain: ChainArrays, load: Array,
     leaf: LeafSprings | None, states: StepStates,
 ) -> None:  # fmt: skip
     """Positions and velocities at the end of the s-th part of a step, h [s], under the mean forces
     `motion.f`; load (n,) [N]."""
     x, v, f, _, _ = motion
     for i in range(x.size):
-        net = f[i] - f[i + 1]
-        if load is not None:
-            net += load[i]
+        net = f[i] - f[i + 1] + load[i]
         if leaf is None:
             v[i] += h * net / chain.mass[i]
         else:

@@ -89,12 +89,11 @@ def leaf_energy(x: Array, leaf: LeafSprings | None) -> float:
 
 
 @fastmath_inline
-def weight_work(x: Array, start: Array, weight: Array | None) -> float:
+def weight_work(x: Array, start: Array, weight: Array) -> float:
     """Work [J] of the weights (n,) [N] on the way from `start` to x, (n,) [m] each."""
     work = 0.0
-    if weight is not None:
-        for i in range(x.size):
-            work += weight[i] * (x[i] - start[i])
+    for i in range(x.size):
+        work += weight[i] * (x[i] - start[i])
     return work
 
 
