@@ -6,6 +6,16 @@ import pytest
 import friction_errors
 
 
+def across(run, share=1.0):
+    """The last sphere across, to a share of the run's error."""
+    along, _ = friction_errors.dem.march_to_error(
+        run.chain, run.wall, run.v0, duration=run.duration, n_save=run.n_save, error=run.error
+    )
+    return friction_errors.march_lateral(
+        run.chain, run.wall, run.v0, along, run.last, motion=run.motion, error=share * run.error
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [55, 58, 70, 73])
 def test_a_periodic_state_brings_back_velocities_too(scene):
@@ -13,16 +23,11 @@ def test_a_periodic_state_brings_back_velocities_too(scene):
     whose starts hardly differed were alike while a turn at the surface came back 1.2 errors off
     (scene 70), and stated errors were 0.21 to 0.71 of the true ones."""
     run = friction_errors.pressed(np.random.default_rng([0, scene]))
-    along, _ = friction_errors.dem.march_to_error(
-        run.chain, run.wall, run.v0, duration=run.duration, n_save=run.n_save, error=run.error
-    )
-    across = friction_errors.march_lateral(
-        run.chain, run.wall, run.v0, along, run.last, motion=run.motion, error=run.error
-    )
+    ended = across(run)
     limit = 0.1 * run.error * friction_errors.top_speed(run)
-    turn = float(run.chain.radius[-1]) * (across.sphere_spin[-1] - across.sphere_spin[0])
+    turn = float(run.chain.radius[-1]) * (ended.sphere_spin[-1] - ended.sphere_spin[0])
     assert np.abs(turn).max() < limit
-    assert np.abs(across.sphere_t_v[-1] - across.sphere_t_v[0]).max() < limit
+    assert np.abs(ended.sphere_t_v[-1] - ended.sphere_t_v[0]).max() < limit
 
 
 @pytest.mark.slow
@@ -60,6 +65,14 @@ def test_a_state_sought_to_a_smaller_error_is_the_same_one():
 def test_marches_that_are_alike_by_chance_state_a_thirtieth_of_the_error_at_least():
     run = friction_errors.struck(np.random.default_rng([11, 296]))
     assert friction_errors.trial(run).ratio >= 1.0
+
+
+def test_the_ledger_of_a_clamped_sphere_closes_to_the_error():
+    """No velocity of it has an error that would shorten the step: a search by those never ended."""
+    run = friction_errors.pressed(np.random.default_rng([12, 106]))
+    assert np.isinf(run.last.arm_stiffness).all() and np.isinf(run.last.arm_rotation)
+    error = across(run, 1.0 / 30.0).energy_error
+    assert 0.1 * run.error / 30.0 < error <= run.error / 30.0
 
 
 @pytest.mark.slow
