@@ -299,8 +299,8 @@ def require_driving_point(frequency_hz: NDArray[np.float64], H: NDArray[np.compl
         raise ReductionError("it is 0 at all frequencies")
     back = []
     for weight in (np.ones(len(H)), frequency_hz**2):
-        taken, returned = (np.sum(weight * np.maximum(sign * H.imag, 0)) for sign in (-1, 1))
-        back.append(returned / max(taken + returned, 1e-300))
+        absorbed, returned = (np.sum(weight * np.maximum(sign * H.imag, 0)) for sign in (-1, 1))
+        back.append(returned / max(absorbed + returned, 1e-300))
     if min(back) > 1 / 6:
         raise ReductionError(
             f"at its frequencies the structure gives back {min(back):.0%} "

@@ -275,8 +275,8 @@ def rounding(march: SpaceTrajectory) -> float:
     """Energy that rounding alone may leave in the ledger, over the kinetic energy at the start: of
     tiny motions in a pressed packing that is much."""
     parts = (march.energy_contact, march.energy_wall_contact, march.energy_wall)
-    held = sum(float(np.abs(part).max()) for part in parts)
-    return 30.0 * float(np.finfo(float).eps) * held / (march.energy_kinetic[0] or held or 1.0)
+    stored = sum(float(np.abs(part).max()) for part in parts)
+    return 30.0 * float(np.finfo(float).eps) * stored / (march.energy_kinetic[0] or stored or 1.0)
 
 
 def first_step(packing: Packing, v0: Array, duration: float) -> float:

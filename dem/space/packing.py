@@ -138,8 +138,8 @@ def packing_of(
     if pairs.size and not (0 <= pairs.min() and pairs.max() < s):
         raise InvalidChain(f"pairs name the sphere {pairs.max()}, there are 0 to {s - 1}")
     if arm is None:  # across a periodic side a sphere may touch its own image
-        own = pairs[:, 0] == pairs[:, 1]
-        require(not np.any(own), "a pair has one sphere twice; give two spheres")
+        with_itself = pairs[:, 0] == pairs[:, 1]
+        require(not np.any(with_itself), "a pair has one sphere twice; give two spheres")
     arm = rest[pairs[:, 1]] - rest[pairs[:, 0]] if arm is None else np.asarray(arm, float)
 
     # contacts of two spheres: the overlap at rest by the difference of numbers that are alike

@@ -163,7 +163,7 @@ def row_runs(rows: Rows, structure: Structure, march: SpaceTrajectory) -> tuple[
     force = march.pair_force[:, rows.contact]
     runs = []
     for i in range(rows.row[-1] + 1):
-        mine, direction = rows.row == i, np.flatnonzero(structure.point == i)[0]
+        of_row, direction = rows.row == i, np.flatnonzero(structure.point == i)[0]
         of_wall = march.wall_x[:, direction], march.wall_v[:, direction]
-        runs.append(RowRun(march.t, x[:, mine], v[:, mine], force[:, mine], *of_wall))
+        runs.append(RowRun(march.t, x[:, of_row], v[:, of_row], force[:, of_row], *of_wall))
     return tuple(runs)

@@ -142,9 +142,9 @@ def input_deck(
         of_face = C[:, used].toarray()
         pivots = qr(of_face, mode="economic", pivoting=True)[2][:6]
         rest = np.setdiff1d(np.arange(len(used)), pivots)
-        own = np.linalg.inv(of_face[:, pivots])
+        inverse = np.linalg.inv(of_face[:, pivots])
         masters = [*heads, *model.free[used[rest]]]
-        factors = own @ np.hstack([np.eye(6), -of_face[:, rest]])
+        factors = inverse @ np.hstack([np.eye(6), -of_face[:, rest]])
         for dof, row in zip(model.free[used[pivots]], factors, strict=True):
             deck.equation(_terms([dof, *masters], [-1.0, *row]))
 

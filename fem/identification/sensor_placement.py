@@ -62,13 +62,13 @@ def outside(model: Model) -> Candidates:
     # the farthest from those taken, from a corner on: no two candidates are then close together
     # before the whole outside is covered
     points = outer.points[nodes]
-    taken = [int(np.argmin(points.sum(axis=1)))]
-    distance = np.linalg.norm(points - points[taken[0]], axis=1)
-    while len(taken) < min(MAX_CANDIDATES, len(nodes)) and distance.max() > 0:
-        taken.append(int(distance.argmax()))
-        distance = np.minimum(distance, np.linalg.norm(points - points[taken[-1]], axis=1))
-    place, axes = np.nonzero(along[nodes[taken]])
-    nodes = nodes[taken][place]
+    chosen = [int(np.argmin(points.sum(axis=1)))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(MAX_CANDIDATES, len(nodes)) and distance.max() > 0:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    place, axes = np.nonzero(along[nodes[chosen]])
+    nodes = nodes[chosen][place]
     return Candidates(outer.points[nodes], axes, outer.dofs[nodes, axes])
 
 

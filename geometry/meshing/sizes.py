@@ -92,10 +92,10 @@ def size_of(body: Body, seed: float | None = None, fine: Sequence[Fine] = ()) ->
     usual = default_seed(body)
     seed = seed or usual
     edge = max(_thickness(body), seed / EDGE)
-    mine = tuple(f for f in fine if f.body == body.name)
+    of_body = tuple(f for f in fine if f.body == body.name)
     thick = seed > COARSE * usual
     sharp = max(SHARP * seed, SHARPEST * usual) if thick else None
-    return Size(seed, mine, edge if THIN * edge <= seed else None, sharp)
+    return Size(seed, of_body, edge if THIN * edge <= seed else None, sharp)
 
 
 def default_seeds(bodies: Mapping[str, Body]) -> dict[str, float]:

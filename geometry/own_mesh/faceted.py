@@ -69,8 +69,8 @@ class Skin(NamedTuple):
 
     def on(self, tags) -> "Skin":
         """The facets of the faces with these tags."""
-        mine = np.isin(self.tag, tags)
-        return self._replace(**{name: getattr(self, name)[mine] for name in self._fields[1:]})
+        chosen = np.isin(self.tag, tags)
+        return self._replace(**{name: getattr(self, name)[chosen] for name in self._fields[1:]})
 
 
 def skins(
@@ -153,12 +153,12 @@ def _faces(
     # into: those of its flat strips that are much larger than the others are planes
     face = smooth.copy()
     for group in range(smooth.max() + 1):
-        mine = np.flatnonzero(smooth == group)
-        strips, number = np.unique(strip[mine], return_inverse=True)
-        if len(strips) > 1 and _curved(skin, mine) is None:
-            area = np.bincount(number, skin.area[mine])
+        in_group = np.flatnonzero(smooth == group)
+        strips, number = np.unique(strip[in_group], return_inverse=True)
+        if len(strips) > 1 and _curved(skin, in_group) is None:
+            area = np.bincount(number, skin.area[in_group])
             plane = area[number] > STRIP_RATIO * np.median(area)
-            face[mine[plane]] = smooth.max() + 1 + strip[mine[plane]]
+            face[in_group[plane]] = smooth.max() + 1 + strip[in_group[plane]]
     # a face that such a plane has cut in two becomes two
     return connected(alike & (face[first] == face[second]))
 
@@ -274,22 +274,22 @@ def bodies(
 def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
     """The face that the facets with a tag make: a plane, a cylinder, a sphere or "other"."""
     # the mean normal by area; that of a closed surface is zero, and any direction does then
-    mine = np.flatnonzero(skin.tag == tag)
-    area, normals = skin.area[mine], skin.normal[mine]
-    points = skin.corners[mine].reshape(-1, 3)
+    tagged = np.flatnonzero(skin.tag == tag)
+    area, normals = skin.area[tagged], skin.normal[tagged]
+    points = skin.corners[tagged].reshape(-1, 3)
     mean = _unit(area @ normals) if np.linalg.norm(area @ normals) > 0 else np.eye(3)[0]
     # normals against their mean: they may differ by more than those of two neighbours
     is_plane = bool(np.all(normals @ mean > FLAT_COSINE - 1e-7))
     if is_plane and is_curved(skin.mesh):
-        heights = (facet_nodes(skin.mesh, skin.number[mine]) - points[0]) @ mean
+        heights = (facet_nodes(skin.mesh, skin.number[tagged]) - points[0]) @ mean
         is_plane = bool(np.abs(heights).max() < PLANE_SPREAD * np.sqrt(area.sum()))
-    curved = None if is_plane else _curved(skin, mine)
-    label = (n for n, facets in named.items() if np.isin(skin.number[mine], facets).all())
+    curved = None if is_plane else _curved(skin, tagged)
+    label = (n for n, facets in named.items() if np.isin(skin.number[tagged], facets).all())
     face = Face(
         tag=int(tag),
         kind="plane" if is_plane else curved.kind if curved else "other",
         area=float(area.sum()),
-        centre=area @ skin.middle[mine] / area.sum(),
+        centre=area @ skin.middle[tagged] / area.sum(),
         normal=mean if is_plane else None,
         axis=curved.axis if curved else None,
         on_axis=curved.centre if curved and curved.axis is not None else None,
@@ -305,7 +305,7 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
 
     # of a round face where it reaches along its axis, and whether its normals point inwards: summed
     # over the facets, since one that spans much of the circle may point anywhere
-    outward = skin.middle[mine] - curved.centre
+    outward = skin.middle[tagged] - curved.centre
     if curved.axis is not None:
         heights = (points - curved.centre) @ curved.axis
         face = face._replace(along=(float(heights.min()), float(heights.max())))

@@ -55,8 +55,8 @@ class TouchingBodies(NamedTuple):
         "a|b": with `whole` those that lie wholly on it, else all. What is wholly covered is the
         share of the facet's area that the sum of its common areas fills."""
         pairs = self.pairs[name]
-        mine = pairs.first if name.split("|")[0] == body else pairs.second
-        covered = np.bincount(mine, pairs.area, minlength=len(skin.area)) / skin.area
+        side = pairs.first if name.split("|")[0] == body else pairs.second
+        covered = np.bincount(side, pairs.area, minlength=len(skin.area)) / skin.area
         wholly = np.where(skin.flat, COVERED_SHARE, COVERED_SHARE_CURVED)
         return skin.number[covered > (wholly if whole else MIN_COMMON_AREA)]
 
@@ -98,9 +98,9 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
         contacts = []
         tags = np.column_stack([skins[a].tag[pairs.first], skins[b].tag[pairs.second]])
         for first, second in np.unique(tags, axis=0):
-            mine = np.all(tags == (first, second), axis=1)
+            of_pair = np.all(tags == (first, second), axis=1)
             face, partner = bodies[a].face(first), bodies[b].face(second)
-            area = float(pairs.area[mine].sum())
+            area = float(pairs.area[of_pair].sum())
             if not area > MIN_COMMON_AREA * min(face.area, partner.area):
                 continue
             flush = area > (1 - MIN_COMMON_AREA) * max(face.area, partner.area)
@@ -110,7 +110,7 @@ def meeting(skins: Mapping[str, Skin], bodies: Mapping[str, Body], gap: float) -
                 eccentricity = float(off_axis(partner.on_axis, face.on_axis, face.axis))
                 distance = eccentricity + abs(face.radius - partner.radius)
             else:
-                distance = float(pairs.area[mine] @ pairs.gap[mine] / area)
+                distance = float(pairs.area[of_pair] @ pairs.gap[of_pair] / area)
             contacts.append(FaceContact((int(first), int(second)), area, distance, (), flush))
 
         # bodies that touch or overlap do not miss each other

@@ -54,7 +54,7 @@ def volumes(
     names = list(chosen) or bodies_of(sets, source)
     meshes = {name: _body(file, name, source, merge) for name in names}
     cells = [sets[name].cells for name in names]
-    taken, counts = np.unique(np.concatenate(cells), return_counts=True)
+    numbers, counts = np.unique(np.concatenate(cells), return_counts=True)
     if twice := int((counts > 1).sum()):
         raise InvalidGeometry(
             f"the mesh {source!r} has {twice} cells in two volumes of assembly.volumes; name sets "
@@ -62,7 +62,7 @@ def volumes(
         )
     remarks = []
     everything = np.unique(np.concatenate([one.cells for one in sets.values()]))
-    if n := len(np.setdiff1d(everything, taken)):
+    if n := len(np.setdiff1d(everything, numbers)):
         remarks.append(f"{n} cells of {source} are in no body that has a name and are left out.")
     others = [n for n, one in sets.items() if n not in names and one.origin != Origin.NUMBER]
     if others and not chosen:
@@ -131,25 +131,25 @@ def _body(file: MeshFile, name: str, source: str, merge: float | None) -> Mesh:
 def _corners(groups: Sequence[CellGroup], body: str, source: str) -> NDArray[np.int64]:
     """Corners (n, 4 or 8) of a body's cells; raises InvalidGeometry for cells that are neither
     tetrahedra nor hexahedra."""
-    mine = [group for group in groups if (group.name, group.dimension) == (body, 3)]
-    kinds = sorted({group.corners.shape[1] for group in mine})
+    of_body = [group for group in groups if (group.name, group.dimension) == (body, 3)]
+    kinds = sorted({group.corners.shape[1] for group in of_body})
     if len(kinds) > 1 or kinds[0] not in KINDS:
         mixture = " and ".join(CELLS[kind] for kind in kinds)
         raise InvalidGeometry(
             f"the mesh {source!r} fills the volume {body!r} with {mixture}; give tetrahedra alone "
             "or hexahedra alone."
         )
-    return np.concatenate([group.corners for group in mine])
+    return np.concatenate([group.corners for group in of_body])
 
 
 def _middles(file: MeshFile, body: str, n_corners: int) -> NDArray[np.float64] | None:
     """Nodes (n, edges, 3) [m] in the middles of the edges of a body's cells, NaN where there is
     none; None where no cell has one."""
     n = {4: 10, 8: 20}[n_corners]
-    mine = [g.nodes for g in file.groups if (g.name, g.dimension) == (body, 3)]
-    if all(nodes.shape[1] == n_corners for nodes in mine):
+    of_body = [g.nodes for g in file.groups if (g.name, g.dimension) == (body, 3)]
+    if all(nodes.shape[1] == n_corners for nodes in of_body):
         return None
-    filled = [np.pad(a, ((0, 0), (0, max(0, n - a.shape[1]))), constant_values=-1) for a in mine]
+    filled = [np.pad(a, ((0, 0), (0, max(0, n - a.shape[1]))), constant_values=-1) for a in of_body]
     nodes = np.concatenate([a[:, n_corners:n] for a in filled])
     return np.where(nodes[..., None] < 0, np.nan, file.points[nodes])
 

@@ -155,17 +155,17 @@ def _chains(
     for i, (row, (name, numbers)) in enumerate(
         zip(scene.chains, summary.chains.items(), strict=True)
     ):
-        mine = np.flatnonzero(of_chain == i)
+        columns = np.flatnonzero(of_chain == i)
         for s in [s for s in scene.output.spheres if s <= row.count] or (1, row.count):
-            curves["velocity"].append((f"{name}: sphere {s}", "m/s", run["v"][:, mine[s - 1]]))
-        curves["force"].append((name, "N", run["contact_force"][:, mine[-1]]))
+            curves["velocity"].append((f"{name}: sphere {s}", "m/s", run["v"][:, columns[s - 1]]))
+        curves["force"].append((name, "N", run["contact_force"][:, columns[-1]]))
         curves["wall"].append((name, "m", run["wall_x"][:, i]))
         marks |= {
             f"{name}: {sphere}": [arrival.model_dump() for arrival in waves.arrivals]
             for sphere, waves in numbers.waves.items()
         }
         for track in numbers.wall_contact.trains if numbers.wall_contact else ():
-            shift = {key: getattr(track, key) + int(mine[0])
+            shift = {key: getattr(track, key) + int(columns[0])
                      for key in ("from_contact", "to_contact")}  # fmt: skip
             tracks.append(track.model_dump() | shift)
     curves["energy"] = [(words, "J", values) for words, values in ledger(run)]

@@ -21,7 +21,7 @@ def pole_page(test: IdentifiedTest, choice: Choice, command: str, structure: str
     report, modes = test.report, test.modes
     # 4000 lines of the response on the page: what a screen can show, peaks kept
     frequency, response = at_most(*summed_response(test.test.responses, shown_lines(test)), 4000)
-    taken = [
+    chosen = [
         {"number": row.number, "hz": row.frequency_hz, "zeta": row.zeta, "taken": True,
          "found": row.number not in choice.accept, "why": "; ".join(row.remarks)}
         for row in report.rows
@@ -31,7 +31,7 @@ def pole_page(test: IdentifiedTest, choice: Choice, command: str, structure: str
          "found": row.number in choice.reject, "why": row.reason}
         for row in report.left_out
     ]  # fmt: skip
-    poles = sorted([*taken, *left_out], key=lambda pole: pole["hz"])
+    poles = sorted([*chosen, *left_out], key=lambda pole: pole["hz"])
     data = {
         "frequency": frequency.tolist(), "response": response.tolist(),
         "orders": diagram_rows(modes, np.array([pole["hz"] for pole in poles])),

@@ -150,7 +150,7 @@ def price_of_modes(base: Base, design: Design, n_refused: int, *, here: bool) ->
         shared = shared_wall(group.scene, group.source, None)
         found = rows(group.tasks[-1].checked, shared, False)
         times.append(perf_counter() - started)
-        notes += [said for piece in found for said in piece.columns["message"] if said]
+        notes += [note for piece in found for note in piece.columns["message"] if note]
 
     n = round((design.n_cases - n_refused) * (1 - n_kept / max(n_seen, 1)))
     if not times:
@@ -163,8 +163,8 @@ def price_of_modes(base: Base, design: Design, n_refused: int, *, here: bool) ->
     others = zip(*(design.columns[k] for k in design.keys if k not in varied), strict=True)
     n_families = max(len(set(map(repr, others))), 1)
     shared = max(n_families * once - key.seconds_kept, 0.0)
-    said = f"{shared:.2g} s of these are for meshes and faces that cases share."
-    return PriceOfModes(case, shared + n * case, [*notes[:1], said])
+    note = f"{shared:.2g} s of these are for meshes and faces that cases share."
+    return PriceOfModes(case, shared + n * case, [*notes[:1], note])
 
 
 def spread(items: Sequence[Item], n: int = 100) -> list[Item]:

@@ -91,12 +91,12 @@ def wall_modes(scene: Scene, progress: Progress) -> Finding:
         rows += peer_rows("wall-modes", modal_case, truth, dop853, parameter=k, tolerances=(1e-8,))
     rows = tuple(rows)
 
-    own = 0 if case.wall is None else case.wall.omega.size
+    n_modes = 0 if case.wall is None else case.wall.omega.size
     walls = "All modes of the wall are the scene's own."
-    if own < MODES[-1]:
+    if n_modes < MODES[-1]:
         walls = (
-            f"The wall has {own or 'no'} modes of its own; synthetic ones follow, undamped, every "
-            f"{SPACING:g} Hz with the participation factor of a block of {MASS:g} kg."
+            f"The wall has {n_modes or 'no'} modes of its own; synthetic ones follow, undamped, "
+            f"every {SPACING:g} Hz with the participation factor of a block of {MASS:g} kg."
         )
     compared = tuple(row for row in rows if row.parameter == COMPARED)
     title = f"{scene.name} with {COMPARED} wall modes"

@@ -145,12 +145,12 @@ class FromDrawing(JointStiffnesses):
             raise ValueError("preload and torque exclude each other: keep one of them")
         if self.preload is None and self.torque is None:
             raise ValueError("bolt needs its preload in N, or its torque in N m: add one of them")
-        own = [key for key in SPRINGS if getattr(self, key) is not None]
-        own += [f"c{key[1:]}" for key in self.dashpots]
-        if self.model == "contact" and own:
+        springs = [key for key in SPRINGS if getattr(self, key) is not None]
+        springs += [f"c{key[1:]}" for key in self.dashpots]
+        if self.model == "contact" and springs:
             raise ValueError(
-                f'{" and ".join(own)} belong to springs, model = "contact" has none: drop one of '
-                "them"
+                f'{" and ".join(springs)} belong to springs, model = "contact" has none: drop one '
+                "of them"
             )
         if self.flatness is not None and self.model != "contact":
             raise ValueError(

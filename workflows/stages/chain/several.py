@@ -79,12 +79,12 @@ def _require_apart(scene: Scene, rows: space.Rows) -> None:
     """Raise InvalidScene where spheres of two chains overlap at the start."""
     packing, names = rows.packing, [row.name for row in scene.chains]
     for i in range(len(names)):
-        mine, others = rows.row == i, rows.row > i
+        of_row, others = rows.row == i, rows.row > i
         if not others.any():
             return
-        between = packing.rest[mine][:, None] - packing.rest[others][None]
+        between = packing.rest[of_row][:, None] - packing.rest[others][None]
         apart = np.linalg.norm(between, axis=2)
-        apart -= packing.radius[mine][:, None] + packing.radius[others][None]
+        apart -= packing.radius[of_row][:, None] + packing.radius[others][None]
         if apart.min() < 0.0:
             other = names[rows.row[others][apart.min(axis=0).argmin()]]
             raise InvalidScene(

@@ -39,20 +39,20 @@ def chains_numbers(
     names, of_each = [row.name for row in scene.chains], scene.of_each_chain
     errors = None if march.errors is None else march.errors.velocity
     each, warned = {}, []
-    for i, (name, (run, mine)) in enumerate(zip(names, waves, strict=True)):
+    for i, (name, (run, tracked)) in enumerate(zip(names, waves, strict=True)):
         one, first = of_each[name], start.starts[i]
         peak = float(run.contact_force[:, -1].max())
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
             contact_radius_m=contact_radius(one, first, peak),
-            waves={str(s): sphere_waves(mine, run.t, run.v, s) for s in mine.labels},
-            wall_contact=chain_contact(one, mine),
+            waves={str(s): sphere_waves(tracked, run.t, run.v, s) for s in tracked.labels},
+            wall_contact=chain_contact(one, tracked),
             errors=ErrorEstimate(time=march.error_estimate),
             sphere_errors_m_s=(
                 () if errors is None else tuple(map(float, errors[start.rows.row == i]))
             ),
         )
-        warned += [f"chains.{name}: {said}" for said in _warnings(one, first, run, mine)]
+        warned += [f"chains.{name}: {sentence}" for sentence in _warnings(one, first, run, tracked)]
     numbers = {
         "n_wall_modes": len(structure.omega),
         "dt_s": march.dt,

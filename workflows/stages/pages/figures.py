@@ -43,8 +43,8 @@ def of_chains(
     ]
     forces = Panel("", "time [ms]", "force at the\nstructure [N]", lines, legend="above")
     figure, axes = plots.subplots(len(names), 1, (8, 1.0 + 2.6 * len(names)), sharex=True)
-    for axis, name, (run, mine) in zip(axes, names, waves, strict=True):
-        tracked(axis, run, mine.tracks)
+    for axis, name, (run, followed) in zip(axes, names, waves, strict=True):
+        tracked(axis, run, followed.tracks)
         axis.set_title(name, fontsize=9, loc="left")
     for axis in axes[:-1]:
         axis.set_xlabel("")

@@ -147,9 +147,9 @@ class StruckFace:
         problem, shared = self._basis
         k, material = len(shared.omega), solid(self.scene, self.scene.struck_body)
         omega, phi = wall.omega.copy(), wall.phi.copy()
-        done = 0
+        n_done = 0
         for field in fem.half_space_fields(self.model, self.name, patches, material):
-            group = slice(done, done + field.u.shape[1])
+            group = slice(n_done, n_done + field.u.shape[1])
             W = csc_array(np.column_stack([patch.w for patch in patches[group]]))
             with fem.one_thread():
                 r = rom.static_responses(problem, W, shared)
@@ -164,17 +164,19 @@ class StruckFace:
             # the oscillators beyond the modes follow a unit force by phi / omega^2, which makes up
             # r: each takes part in it by phi over what r has at the contact
             for i, at_contact in enumerate((W * r).sum(axis=0).tolist()):
-                of_r = phi[done + i, k:] / at_contact if at_contact > 0 else 0 * phi[done + i, k:]
+                of_r = (
+                    phi[n_done + i, k:] / at_contact if at_contact > 0 else 0 * phi[n_done + i, k:]
+                )
                 B = np.zeros((k + 1, omega.shape[1]))
                 B[:k, :k], B[k, k:] = np.eye(k), of_r
                 with_r = np.append(np.arange(k), k + i)
                 missed = B.T @ G[np.ix_(with_r, with_r)] @ B
-                squares, R = np.linalg.eigh(without_missed(omega[done + i], missed))
+                squares, R = np.linalg.eigh(without_missed(omega[n_done + i], missed))
                 # rigid motions are exact zeros, not rounding
-                squares[: np.count_nonzero(wall.omega[done + i] == 0)] = 0.0
-                omega[done + i] = squares**0.5
-                phi[done + i] = phi[done + i] @ R
-            done = group.stop
+                squares[: np.count_nonzero(wall.omega[n_done + i] == 0)] = 0.0
+                omega[n_done + i] = squares**0.5
+                phi[n_done + i] = phi[n_done + i] @ R
+            n_done = group.stop
         zeta = damping_ratios(self._damping(), omega.ravel()).reshape(omega.shape)
         return wall._replace(omega=omega, zeta=zeta, phi=phi)
 
