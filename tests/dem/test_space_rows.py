@@ -91,6 +91,8 @@ def test_two_rows_that_feel_each_other_meet_dop853_within_the_stated_error(weigh
     moved = np.hstack([run.x - run.x[0] for run in runs])
     assert np.abs(moved - (x - x[0])).max() < error * 0.3 * 4e-4
     assert mine.energy_error < 1e-2 * error
+    mass = np.concatenate([chain.mass for chain in chains])
+    np.testing.assert_allclose(mine.work_gravity, weight * moved @ mass, rtol=1e-9, atol=1e-15)
     # and not so without what the points feel of each other
     deaf = structure(PHI * [[1, 1, 1, 1], [0, 0, 0, 0]], OMEGA, ZETA, SERIES)
     alone = space.march_to_error(

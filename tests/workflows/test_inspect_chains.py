@@ -108,6 +108,13 @@ def test_files_of_one_strike_are_one_record(drops, tmp_path):
         recorded(above, written("later.csv", 2, rows[1:]))
     with pytest.raises(InvalidScene, match=r"both have above sphere 3 force; leave it out"):
         recorded(above, written("again.csv", 2, name=names[0]))
+    twice = [[*row, row[2]] for row in rows]
+    body = "\n".join(
+        [f"{lead}, {names[1]}, {names[1]}", *(",".join([r[0], *r[2:]]) for r in twice)]
+    )
+    (tmp_path / "twice.csv").write_text(f"{title}\n{body}")
+    with pytest.raises(InvalidScene, match=r"has 1 repeats, .* has 2; give as many"):
+        recorded(above, tmp_path / "twice.csv")
     with pytest.raises(InvalidScene, match=r"b.csv"):
         beadwave.inspect(PLATE, f"{shorter}+{tmp_path / 'b.csv'}", find="materials.steel.young")
 
