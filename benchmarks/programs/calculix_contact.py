@@ -25,7 +25,9 @@ Side = tuple[int, int]  # an element and its face
 class Pressed(NamedTuple):
     """A contact analysis."""
 
-    pressure: list[list[float]]  # [Pa] at the closed points of each facet of the slave
+    # at the closed points of each facet of the slave: pressure and size of the shear stress [Pa]
+    pressure: list[list[float]]
+    shear: list[list[float]]
     frequency_hz: NDArray[np.float64]  # (n_modes,) about the pressed state
     seconds: float
 
@@ -80,15 +82,18 @@ def pressed(
     static = before.rpartition("contact stress")[2]
     if not static.strip():
         raise ValueError(f"CalculiX gives up on this contact: {out.stdout[-1000:]}")
-    points: dict[Side, list[float]] = {}
+    points: dict[Side, list[list[float]]] = {}
     for line in static.splitlines():
         row = line.split()
         if len(row) >= 5 and row[0].isdigit():
-            points.setdefault((int(row[0]), int(row[1])), []).append(float(row[-3]))
+            points.setdefault((int(row[0]), int(row[1])), []).append([float(x) for x in row[-3:]])
     # with friction the matrices are not symmetric, and no column has the eigenvalue
     rows = [line.split() for line in after.partition("E I G E N V A L U E")[0].splitlines()]
     hz = [float(row[-2]) for row in rows if len(row) in (4, 5) and row[0].isdigit()]
-    return Pressed([points.get(side, []) for side in sides], np.array(hz[:n_modes]), seconds)
+    of_facet = [points.get(side, []) for side in sides]
+    pressure = [[p for p, *_ in row] for row in of_facet]
+    shear = [[float(np.hypot(*tau)) for _, *tau in row] for row in of_facet]
+    return Pressed(pressure, shear, np.array(hz[:n_modes]), seconds)
 
 
 def surface(structure: Structure, face: str, name: str) -> tuple[list[str], list[Side]]:

@@ -11,6 +11,7 @@ from beadwave.fem.assembly.trace import face_mean
 from beadwave.fem.contact.facing_facets import facing_facets
 from beadwave.fem.contact.preloaded_contact import (
     MINDLIN,
+    STUCK,
     condensed,
     joined_stiffness,
     preloaded_contact,
@@ -56,7 +57,7 @@ def plate(radii, n_around, z):
     )  # fmt: skip
 
 
-def pressed_plates():
+def pressed_plates(upper=STEEL):
     """Two plates whose meshes do not match, with their faces condensed, and the forces (nodes, 3)
     [N] that press them."""
     fine = np.concatenate([np.linspace(HOLE, WASHER, 4), np.linspace(WASHER, 16e-3, 13)[1:]])
@@ -66,7 +67,7 @@ def pressed_plates():
         "a": plate(coarse, 5, np.linspace(-THICKNESS, 0, 5)),
         "b": plate(radii, 6, np.linspace(0, THICKNESS, 5)),
     }
-    structure = assemble(meshes, dict.fromkeys(meshes, STEEL))
+    structure = assemble(meshes, {"a": STEEL, "b": upper})
     held = [HeldFace("a:below", "z")]
     held += [HeldFace(f"{body}:{face}", face) for body in "ab" for face in "xy"]
     model = joined(structure, Connections(held=held))
@@ -166,4 +167,40 @@ def test_the_deck_of_bolted_plates_has_their_modes(joint, compare):
     compare(
         name, ours / theirs, np.ones(N_MODES), allowed=3e-4 if joint else 1e-6,
         source="CalculiX on the deck that `modes --inp` writes",
+    )  # fmt: skip
+
+
+def test_slip_of_unlike_plates_while_they_are_pressed(compare):
+    """Aluminium on steel, which widen unlike each other: with friction 0.3 a ring of more than half
+    of the zone slides. It is the same facet by facet, as is the shear of the rings of facets
+    between the edge of the hole and the rim. Without gaps all states along a force that grows are
+    alike, so that its path is that of one step."""
+    mu, upper = 0.3, Material(70e9, 0.33, 2700.0)
+    model, contact, F = pressed_plates(upper)
+    force = model.T.T @ F.ravel()
+    facets, friction = contact.facets, np.full(len(contact.facets.area), mu)
+    state = with_friction(contact, preloaded_contact(contact, force), force, friction)
+    layer = Layer(LAYER, MINDLIN * LAYER, mu)
+    theirs = pressed(model, {"a": STEEL, "b": upper}, ("b:bottom", "a:top"), F, layer)
+    p, tau = (
+        np.array([np.mean(points) if points else 0.0 for points in of_facet])
+        for of_facet in (theirs.pressure, theirs.shear)
+    )
+
+    r = np.hypot(*facets.points[:, :2].T)
+    inside = r < 11.2e-3
+    sticks = (tau < 0.99 * mu * p)[inside]
+    assert 0.2 < facets.area[inside] @ sticks / facets.area[inside].sum() < 0.8
+    np.testing.assert_array_equal(state.state[inside] == STUCK, sticks)
+    ring, of_ring = np.unique(r.round(5), return_inverse=True)
+    ours, tau = (
+        np.bincount(of_ring, shear) / np.bincount(of_ring)
+        for shear in (np.hypot(*state.shear) / facets.area, tau)
+    )
+    # nearer to the hole the shear turns its direction within facets
+    within = (ring > 6e-3) & (ring < 11.2e-3)
+    assert within.sum() > 6
+    compare(
+        "shear between plates of aluminium and steel while they are pressed", ours[within],
+        tau[within], allowed=0.05, source=SOURCE,
     )  # fmt: skip
