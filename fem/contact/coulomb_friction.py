@@ -93,12 +93,13 @@ def loaded_to(
     guess: NDArray[np.float64] | None = None,
 ) -> SlipState:
     """The state under another load, in equal steps, each halved where it does not converge; raises
-    NoEquilibrium. A guess of its forces s (m + 2 s,) saves some of Newton's steps."""
+    NoEquilibrium. A guess of the forces s (m + 2 s,) after one step saves some of Newton's."""
     for target in np.linspace(state.alpha, alpha, n_steps + 1)[1:]:
         steps = [(target, 0)]
         while steps:
             goal, halvings = steps[-1]
-            after = _equilibrium(loaded, state, goal, guess if goal == alpha else None)
+            is_whole = n_steps == 1 and halvings == 0
+            after = _equilibrium(loaded, state, goal, guess if is_whole else None)
             if after is not None:
                 state = after
                 steps.pop()

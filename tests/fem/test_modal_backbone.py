@@ -154,3 +154,13 @@ def test_a_load_that_faces_cannot_carry_ends():
     loaded = one_facet(K=0.0)
     with pytest.raises(NoEquilibrium, match="nothing else carries the load"):
         list(loops(loaded, [4.0, 6.0]))
+
+
+def test_a_guess_that_leads_nowhere_changes_no_state():
+    """Newton's method does not converge from it, and halved steps go without."""
+    loaded = pressed_bar(30)
+    none = SlipState(0.0, np.zeros(90), np.zeros(30, bool))
+    peak = loaded_to(loaded, none, 80.0, 4)
+    after = loaded_to(loaded, peak, -40.0, guess=np.full(90, np.nan))
+    halfway = loaded_to(loaded, peak, -40.0, 2)
+    np.testing.assert_allclose(after.s, halfway.s, atol=1e-9 * np.abs(halfway.s).max())
