@@ -79,6 +79,7 @@ from beadwave.fem.contact.half_space import (
     half_spaces_on_mesh,
 )
 from beadwave.fem.contact.impact_point import SurfacePoint, planar_spot, round_spot
+from beadwave.fem.errors.left_out import LeftOut, energy_left_out
 from beadwave.fem.errors.stress_error import Faces, MissedEnergy, Pushed, missed_energy
 from beadwave.fem.modes.mac import (
     BodyMotion,
@@ -118,6 +119,7 @@ __all__ = [
     "HeldFace",
     "Joint",
     "JointStiffness",
+    "LeftOut",
     "Load",
     "Loose",
     "Material",
@@ -154,6 +156,7 @@ __all__ = [
     "dashpots",
     "disc_quadrature",
     "effective_mass",
+    "energy_left_out",
     "face_edges",
     "factorised",
     "fastener_masses",

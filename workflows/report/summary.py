@@ -302,12 +302,22 @@ class SolvedMeshNumbers(BaseModel):
     seconds: float
 
 
+class LeftOutNumbers(BaseModel):
+    """A feature that mesh.simplify leaves out of the mesh."""
+
+    body: str
+    faces: tuple[str, ...]  # "body@x,y,z" [m]
+    size_m: float  # diameter of a hole, radius of a rounding, diagonal of other faces
+    error: float  # relative, of what it changes most; a part of the stated one
+
+
 class MeshNumbers(BaseModel):
     """The mesh that follows from mesh.error, and those before it."""
 
     asked: float  # relative error
     stated: float
-    floor: float  # of the stated error, which no mesh lowers: dents under springs
+    # of the stated error, which no mesh lowers: dents under springs, features that are left out
+    floor: float
     # apart from the stated error: the largest relative difference of the volumes of a body and its
     # mesh, whose elements cut curved faces short
     chords: float = 0.0
@@ -318,6 +328,7 @@ class MeshNumbers(BaseModel):
     seconds_for_asked: float | None = None
     where: str = ""  # the place of most of the error
     meshes: tuple[SolvedMeshNumbers, ...] = ()
+    left_out: tuple[LeftOutNumbers, ...] = ()
 
 
 class ValueSource(BaseModel):

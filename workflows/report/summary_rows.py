@@ -172,6 +172,12 @@ def mesh_words(mesh: MeshNumbers) -> str:
         for m in mesh.meshes
     ]
     asked = f"{', '.join(each)}; asked ±{GLUE}{percent(mesh.asked, 2)}"
+    if mesh.left_out:
+        most = max(mesh.left_out, key=lambda part: part.error)
+        asked += (
+            f"; {len(mesh.left_out)} small features left out, most of it at {most.faces[0]} "
+            f"±{GLUE}{percent(most.error, 2)}"
+        )
     if mesh.chords < MIN_CHORDS:
         return asked
     return f"{asked}; volumes within {percent(mesh.chords, 2)} of those of curved bodies"

@@ -131,7 +131,7 @@ EXAMPLES: dict[str, Any] = {
     "damping.materials": {"steel": 0.001}, "damping.joints": {"bolts": 0.02},
     "damping.springs": {"cord": 0.1}, "hz_deviation": 0.05, "zeta": 0.004, "zeta_deviation": 1e-4,
     "damping.alpha": 5.0, "damping.beta": 1e-7, "damping.frequency": ["50 Hz", "8 kHz"],
-    "time.dt": "0.5 us", "time.error": 1e-5, "mesh.error": 0.02, "mesh.sizes": "sizes.npz",
+    "time.dt": "0.5 us", "time.error": 1e-5, "mesh.error": 0.02, "mesh.simplify": "2 mm", "mesh.sizes": "sizes.npz",
     "output.spheres": [1, 4, 14],
     "output.sensors.N.on": "block:+y", "output.sensors.N.at": ["10 mm", 0.0],
     "output.sensors.N.direction": "y", "output.sensors.N.radius": "5 mm",

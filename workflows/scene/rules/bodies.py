@@ -48,6 +48,16 @@ def of_bodies(scene: Scene) -> Iterator[str]:
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] contradicts assembly.mesh, which has all elements; drop it."
+    if scene.mesh.simplify and not scene.mesh.error:
+        yield (
+            f"mesh.simplify = {scene.mesh.simplify:g} m leaves out features as a part of an error "
+            "that is asked for, and none is; give mesh.error, or drop it."
+        )
+    if scene.mesh.simplify and scene.grids:
+        yield (
+            f"mesh.simplify = {scene.mesh.simplify:g} m leaves out features of bodies in the CAD "
+            "kernel, and elements here have prescribed lines; drop it."
+        )
     if scene.mesh.error or scene.mesh.sizes:
         chooses = "mesh.sizes" if scene.mesh.sizes else "mesh.error"
         if assembly.mesh is not None:

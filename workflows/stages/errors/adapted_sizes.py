@@ -36,7 +36,7 @@ from beadwave.fem.errors.optimal_sizes import (
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.fem.modes.mac import RIGID
 from beadwave.geometry.meshing.size_field import GRADING, SizeField, rounded
-from beadwave.workflows.report.summary import MeshNumbers, SolvedMeshNumbers
+from beadwave.workflows.report.summary import LeftOutNumbers, MeshNumbers, SolvedMeshNumbers
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.errors import mesh_error
 from beadwave.workflows.stages.errors.mesh_causes import SMOOTH_ORDER as SCALE_ORDER
@@ -47,6 +47,7 @@ from beadwave.workflows.stages.structure.krylov_space import krylov_space
 from beadwave.workflows.stages.structure.meshed_parts import (
     AdaptedSizes,
     ElementSizes,
+    LeftOutPart,
     Parts,
     SolvedMesh,
 )
@@ -95,6 +96,7 @@ class Indicators(NamedTuple):
     of_cells: dict[str, NDArray[np.float64]]
     of_axes: dict[str, NDArray[np.float64]]  # (cells, 3, k) of hexahedra
     cause: Cause  # of the largest error
+    left_out: tuple[LeftOutPart, ...] = ()
 
 
 class Contact(NamedTuple):
@@ -204,7 +206,7 @@ def search(scene: Scene) -> Search:
     for_asked = needed and solved[-1].seconds * (needed / solved[-1].unknowns) ** TIME_ORDER
     adapted = AdaptedSizes(
         sizes, asked, found.stated, found.floor, bounded_by, needed if bounded_by else None,
-        for_asked if bounded_by else None, found.cause.place, tuple(solved),
+        for_asked if bounded_by else None, found.cause.place, tuple(solved), found.left_out,
     )  # fmt: skip
     return Search(adapted, last.by_stage if best == len(tried) - 1 else {})
 
@@ -304,6 +306,15 @@ def indicators(scene: Scene, solved: Solved) -> Indicators:
         of_modes = 1 - 1 / np.sqrt(1 + largest[: len(goal)] / omega**2)
         return np.append(of_modes, largest[len(goal) :] / whole)
 
+    # of every feature that is left out
+    of_features = [
+        LeftOutPart(
+            r.body, r.faces, r.size,
+            float(relative(block_diag(*(e.left_out[i] for e in energies))).max()),
+        )
+        for i, r in enumerate(mesh.left_out)
+    ]  # fmt: skip
+
     errors = relative(G)
     worst = int(np.argmax(errors))
     over = {body: mesh_error.factor(mesh, body) / allowed for body in mesh.meshes}
@@ -313,6 +324,7 @@ def indicators(scene: Scene, solved: Solved) -> Indicators:
         {body: over[body] * e @ same for body, e in of_cells.items()},
         {body: np.maximum(over[body] * e @ same, 0.0) for body, e in of_axes.items()},
         causes(mesh, of_cells)[worst],
+        tuple(of_features),
     )
 
 
@@ -355,6 +367,7 @@ def mesh_numbers(
         unknowns_for_asked=adapted.unknowns_for_asked,
         seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
         chords=max(map(abs, mesh.chords.values()), default=0.0),
+        left_out=tuple(LeftOutNumbers(**each._asdict()) for each in adapted.left_out),
     )  # fmt: skip
 
 

@@ -311,8 +311,10 @@ class ShapeEnergy(NamedTuple):
     """Energy that a mesh misses in shapes."""
 
     G: NDArray[np.float64]  # (k, k) [rad^2/s^2] stated, with the dents
-    dents: NDArray[np.float64]  # (k, k) [rad^2/s^2] of it, under springs: no mesh lowers them
+    # (k, k) [rad^2/s^2] of it, under springs and of what meshes leave out: no mesh lowers them
+    dents: NDArray[np.float64]
     missed: fem.MissedEnergy  # as found, without `factor`
+    left_out: NDArray[np.float64]  # (features, k, k) [rad^2/s^2] of the dents, of `Parts.left_out`
 
 
 def factor(mesh: Parts, body: str) -> float:
@@ -349,8 +351,12 @@ def energy_in(
     with fem.one_thread():
         missed = fem.missed_energy(model, mesh.materials, phi, D, boundary, pushed=pushed)
     dents = fem.missed_in_dents(model, mesh.materials, phi)
+    features = [fem.LeftOut(r.body, r.places, r.volume, r.factor) for r in mesh.left_out]
+    omega = np.sqrt(np.maximum(np.diag(D), 0.0))
+    left_out = fem.energy_left_out(model, mesh.materials, features, phi, omega)
+    dents = dents + left_out.sum(axis=0)
     G = sum(factor(mesh, body) * of_body for body, of_body in missed.of_bodies.items())
-    return ShapeEnergy(G + dents, dents, missed)
+    return ShapeEnergy(G + dents, dents, missed, left_out)
 
 
 def without_missed(omega: NDArray[np.float64], energy: NDArray[np.float64]) -> NDArray[np.float64]:

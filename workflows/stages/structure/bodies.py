@@ -20,6 +20,8 @@ from beadwave import fem
 from beadwave.geometry import InvalidGeometry
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under, Words, picked
+from beadwave.geometry.cad.patches import Spots
+from beadwave.geometry.cad.removals import Removal, Zone
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import SAME, Body, Vector
 from beadwave.geometry.cad.struck_face import Struck
@@ -194,6 +196,10 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     coarser *= sizes.scale
     with drawing(scene, coarser) as layout:
         chosen = placed(scene, layout, sizes, coarser)
+        left_out: tuple[Removal, ...] = ()
+        if scene.mesh.simplify and not layout.own:
+            layout, left_out = without_small_features(scene, layout, chosen)
+            chosen = placed(scene, layout, sizes, coarser) if left_out else chosen
         selection, ties, bolted = chosen.selection, chosen.ties, chosen.bolted
         boxes = {name: box_of(body) for name, body in layout.bodies.items()}
         volumes = {name: body.volume for name, body in layout.bodies.items()}
@@ -206,13 +212,47 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     closed = tuple(_tie(touch, fineness) for touch in chosen.pressed)
     whole = Parts(
         meshes, made_of, connections, rigid, chosen.struck, chosen.struck_by_chains,
-        _load(scene, selection), sizes, tuple(bolted.values()), closed, boxes, chords,
+        _load(scene, selection), sizes, tuple(bolted.values()), closed, boxes, chords, left_out,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly
     for sentence in too_large_mesh(scene, "the mesh of [assembly]", whole.nodes):
         raise InvalidScene(f"{scene.name}: {sentence}")
     return whole
+
+
+def without_small_features(
+    scene: Scene, layout: Drawing, chosen: Placed
+) -> tuple[Drawing, tuple[Removal, ...]]:
+    """The drawing without features below mesh.simplify, and these. Faces that the scene names,
+    those on which another body lies, and what lies under patches or around joints stay."""
+    from beadwave.geometry.cad.simplified import simplified
+
+    selection, near = chosen.selection, layout.near
+    patches = selection.patches.values()
+    named = [*selection.faces.values(), *chosen.named.values(), *(patch.on for patch in patches)]
+    # a face that is struck by a chain, or on which a patch lies, is large: it stays by itself
+    kept = {tag for face in named for tag in face.tags}
+    for touch in near.touching:
+        kept |= {tag for contact in touch.contacts for tag in contact.faces}
+
+    zones = []
+    for patch in patches:
+        centres = patch.centres if isinstance(patch, Spots) else [patch.centre]
+        own = getattr(patch, "radius", None) or 0.0
+        reach = max(own, *(getattr(patch, "sides", None) or (0.0,)))
+        zones += [Zone(patch.on.body, np.asarray(centre), reach) for centre in centres]
+    for struck_there, size in _hits(scene, layout, selection, fine=True):
+        zones.append(Zone(struck_there.face.body, struck_there.point, size))
+    for place in selection.joints:
+        reach = max((diameter for diameter, _ in place.holes), default=0.0)
+        zones += [Zone(body, place.centre, max(reach, scene.assembly.gap)) for body in place.bodies]
+    bodies, left_out = simplified(layout.bodies, scene.mesh.simplify, kept, zones)
+    if not left_out:
+        return layout, ()
+    from beadwave.geometry.cad.touching import neighbours
+
+    return layout._replace(bodies=bodies, near=neighbours(bodies, scene.assembly.gap)), left_out
 
 
 def with_bolts_of(scene: Scene, mesh: Parts) -> Parts:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from beadwave import fem
+from beadwave.geometry.cad.removals import Removal
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import nodes_of
 from beadwave.geometry.meshing.size_field import SizeField
@@ -41,6 +42,15 @@ class SolvedMesh(NamedTuple):
     seconds: float
 
 
+class LeftOutPart(NamedTuple):
+    """A feature that a mesh leaves out, and what that changes."""
+
+    body: str
+    faces: tuple[str, ...]  # "body@x,y,z"
+    size_m: float
+    error: float  # relative, of what it changes most
+
+
 class AdaptedSizes(NamedTuple):
     """The sizes chosen, and how they were found."""
 
@@ -53,6 +63,7 @@ class AdaptedSizes(NamedTuple):
     seconds_for_asked: float | None
     where: str  # the place of most of the error
     meshes: tuple[SolvedMesh, ...]
+    left_out: tuple[LeftOutPart, ...] = ()
 
 
 class Parts(NamedTuple):
@@ -71,6 +82,7 @@ class Parts(NamedTuple):
     boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})  # as those of `ElementSizes`
     # by body the volume of its mesh over its own, less 1: elements cut curved faces short
     chords: Mapping[str, float] = MappingProxyType({})
+    left_out: tuple[Removal, ...] = ()  # features that the meshes have not
 
     @property
     def assembled(self) -> fem.Connections:
