@@ -579,7 +579,7 @@ def speeds_of(saved: SavedSpatial) -> Array:
 class NearbyStates(NamedTuple):
     """States near to the one that is looked for, on a cycle of harmonic balance."""
 
-    balanced: MarchState | None  # of a cycle that is balanced, but not to the error
+    balanced: MarchState | None  # of a cycle that is balanced, but not to the tolerance asked
     unbalanced: MarchState | None  # of one that is not, or whose contact opens
 
 
@@ -614,7 +614,10 @@ def balanced(
         moving, saved = cycle_of(divided, cycle, search.cycle_saves)
         opens = cycle.answer.elastic[:, -1 - len(body.frame)].min() <= 0.0
         if opens or cycle.change > tolerance:
-            return None, NearbyStates(None, moving.divided(body.search.n_cells))
+            near = moving.divided(body.search.n_cells)
+            if opens or cycle.change > search.accepted * error:
+                return None, NearbyStates(None, near)
+            return None, NearbyStates(near, None)
         numbers, estimate = numbers_of(saved, speed, body), math.inf
         if coarse is not None:
             # a turning point that no sample comes nearer to makes cycles alike by chance, more so
