@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave.geometry.cad.holes import bores
-from beadwave.geometry.cad.occ import body_of
+from beadwave.geometry.cad.occ import body_of, face_of
 from beadwave.geometry.cad.removals import Removal, Zone
-from beadwave.geometry.cad.solids import Body
+from beadwave.geometry.cad.solids import Body, Face
 from beadwave.geometry.meshing.gmsh_session import silent
 from beadwave.geometry.meshing.sizes import curvatures
 
@@ -51,6 +51,7 @@ def simplified(
         ):
             gmsh.model.occ.remove([(3, body.tag)])
             gmsh.model.occ.synchronize()
+            _name_faces(body, tag)
             new[name] = body_of(name, tag)
             removals += [removal for _, removal in of_body]
     return new, tuple(removals)
@@ -114,6 +115,21 @@ def _without(body: Body, tags: Sequence[int]) -> int | None:
     gmsh.model.occ.remove([(3, tag) for tag in solids], recursive=True)
     gmsh.model.occ.synchronize()
     return None
+
+
+def _name_faces(body: Body, tag: int) -> None:
+    """Names in the CAD for the faces of a solid: of each the name of the body's face of its kind
+    whose box is the nearest to its own, as features may have been cut out of that face."""
+    if not any(face.name for face in body.faces):
+        return
+    for _, face_tag in gmsh.model.getBoundary([(3, tag)], oriented=False):
+        new = face_of(face_tag)
+
+        def off(old: Face, new: Face = new) -> float:
+            return float(np.abs([old.lower - new.lower, old.upper - new.upper]).sum())
+
+        before = min((face for face in body.faces if face.kind == new.kind), key=off)
+        gmsh.model.setEntityName(2, face_tag, before.name)
 
 
 def _removal(body: Body, tags: Sequence[int], size: float) -> Removal | None:

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 from beadwave import fem, geometry
+from beadwave.geometry.cad.occ import body_of, model
+from beadwave.geometry.cad.shapes import Hole, Slab
+from beadwave.geometry.cad.simplified import simplified
 from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene
 from beadwave.workflows.report.summary_rows import mesh_words
@@ -172,6 +175,23 @@ def test_what_the_scene_names_and_what_lies_under_a_patch_stays():
     tables["strike"]["at"] = [0.045, 0.0185, 6e-3]
     left_out = bodies.parts(scene(tables)).left_out
     assert [part.faces for part in left_out] == [("part@0.03,0.015,0.003",)]
+
+
+def test_faces_keep_their_names():
+    """Of the face around a hole that is filled, and of one that has none."""
+    outline = ((0, 0), (0.06, 0), (0.06, 0.03), (0, 0.03))
+    slab = Slab(outline=outline, thickness=6e-3, holes=(Hole(at=(0.03, 0.015), diameter=2e-3),))
+    with model({"part": slab}) as cad:
+        for face in cad.bodies["part"].faces:
+            if face.centre[2] > 5e-3 or face.centre[0] < 1e-3:
+                gmsh.model.setEntityName(2, face.tag, "top" if face.centre[2] > 5e-3 else "end")
+        named = {"part": body_of("part", cad.bodies["part"].tag)}
+        simple, (removal,) = simplified(named, SIZE, (), ())
+        assert len(simple["part"].faces) == len(named["part"].faces) - 1
+        assert removal.volume == pytest.approx(np.pi * 1e-6 * 6e-3)
+        centres = {face.name: face.centre for face in simple["part"].faces if face.name}
+        assert centres["top"] == pytest.approx([0.03, 0.015, 6e-3])
+        assert centres["end"] == pytest.approx([0, 0.015, 3e-3])
 
 
 def test_simplify_without_an_error_is_refused():
