@@ -147,6 +147,8 @@ REFUSED = {
     "output.samples=1000000000": ("output.samples", "1000000"),
     "chain.count=100000": ("output.samples", "chain.count = 100000", "1e+08"),
     "name=a/b": ("name", "'a/b'"),
+    "strike.on=lid": ("strike.on", "'lid' is no face of a body"),
+    "assembly={held=[{on='lid:+z', directions='w'}]}": ("directions = 'w'", "letters x, y and z"),
     "chain": ("key=value",),
     "chain.count.x=3": ("chain.count.x", "17"),
 }

@@ -390,6 +390,7 @@ SENTENCES = {
     "tuple_type": "{key} = {shown} must be a list{wanted_values}; write {key} = [...].",
     "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
     "first a letter, a digit or '_'; change it.",
+    "axes": "{key} = {shown} must be some of the letters x, y and z; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
     "string_too_short": "{key} is empty; give a text, or drop it.",
     "rows": "{key} is a list of tables: write [[{key}]], two brackets, once for each.",
@@ -416,6 +417,8 @@ def _sentence(
     if type_ == "missing" and isinstance(error["loc"][-1], int):
         type_ = "too_few"
     type_ = "empty" if type_ == "too_short" and not value else type_
+    if type_ == "string_pattern_mismatch" and "xyz" in error["ctx"]["pattern"].replace("?", ""):
+        type_ = "axes"
     if isinstance(value, dict) and type_ == "tuple_type" and error["loc"] in LISTS_OF_TABLES:
         type_ = "rows"
     n = len(value) if isinstance(value, list | tuple) else 0

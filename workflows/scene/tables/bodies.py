@@ -35,6 +35,7 @@ from beadwave.workflows.scene.scene_table import (
 )
 from beadwave.workflows.scene.tables.bolts import FromDrawing
 from beadwave.workflows.scene.tables.mesh import AskedOfMesh
+from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
 
 GROUND = "ground"
@@ -427,7 +428,7 @@ class Strike(SceneTable):
     radius to either side along the first axis, or of `nodes`. It makes energy out of nothing and
     serves comparisons alone."""
 
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
+    on: Face  # the face, "body:+x"; or "body@x,y,z"
     # [m] from the middle of a plane face, or [x, y, z]
     at: PlaceOnFace = (0.0, 0.0)
     radius: PatchRadius = 2e-3  # [m] of the patch

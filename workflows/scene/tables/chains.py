@@ -17,6 +17,7 @@ from beadwave.workflows.scene.scene_table import (
 from beadwave.workflows.scene.tables.bodies import PlaceOnFace
 from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload
 from beadwave.workflows.scene.tables.contact import ContactTable
+from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import TIME, VELOCITY
 
 
@@ -32,7 +33,7 @@ class ChainOnStructure(ChainTable):
     """One of several chains on a structure: its spheres, and the face that it leans on."""
 
     name: Annotated[str, Field(pattern=r"^[\w-]+$", max_length=50)]  # in results and in --set
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+[:@].+$")]  # the face, "body:+x"; or "body@x,y,z"
+    on: Face  # the face, "body:+x"; or "body@x,y,z"
     # [m] from the middle of a plane face along its two global axes, or [x, y, z]
     at: PlaceOnFace = (0.0, 0.0)
     patch_radius: PatchRadius = 2e-3  # [m] of the loaded patch

@@ -24,6 +24,7 @@ from beadwave.workflows.scene.scene_table import (
     SceneTable,
     Young,
 )
+from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import FORCE, LENGTH, VELOCITY
 
 PLANAR = ("square", "hexagonal")
@@ -112,7 +113,7 @@ class CrystalTable(SceneTable):
     # [N] in place of it: a steady force, an equal share on each sphere of the first row
     force: of(Positive, FORCE, 0, 1e6) | None = None
     # the plane face of [assembly] that its last row leans on, "body:+x"
-    on: Annotated[str, Field(pattern=r"^[^:@*#]+:.+$")] | None = None
+    on: Face | None = None
     # [m] of the middle of that row, from the middle of the face along its two global axes
     at: Point = (0.0, 0.0)
     patch_radius: PatchRadius = 2e-3  # [m] of the patch under each sphere of that row

@@ -45,6 +45,7 @@ class Gravity(SceneTable):
     def on(self, chain: np.ndarray) -> "Gravity":
         """The weight of a chain along this unit vector (3,), from its first sphere to its last."""
         down = np.array(self.direction or DOWN)
+        down /= np.abs(down).max()  # squares of tiny numbers are 0
         down /= np.linalg.norm(down)
         return self.but(inclination=degrees(asin(np.clip(down @ chain, -1.0, 1.0))))
 

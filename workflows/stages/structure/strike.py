@@ -39,6 +39,7 @@ def in_words_of(key: str) -> Iterator[None]:
     except InvalidScene as error:
         radius = "radius" if key == "strike" else "patch_radius"
         words = str(error).replace("strike.radius", f"{key}.{radius}")
+        words = words.replace("strike: ", f"{key}: ")
         raise InvalidScene(words.replace("strike.", f"{key}.")) from None
 
 
