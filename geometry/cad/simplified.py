@@ -23,6 +23,7 @@ from beadwave.geometry.meshing.sizes import curvatures
 # plate under tension takes 3 times that of its area, under shear 4 / (1 + nu) times (Timoshenko and
 # Goodier, Theory of Elasticity, sec. 35)
 FACTOR = 3.0
+SAME_SIZE = 1e-6  # of a size: what the CAD measures is off by rounding
 N_PLACES = 5  # along each parameter of a face, at which what is left out is evaluated
 
 
@@ -71,7 +72,7 @@ def features_below(body: Body, size: float) -> list[tuple[tuple[int, ...], float
         if face.kind != "plane" and face.tag not in sizes:
             own = min(own, 1 / max(curvatures(face.tag).min(), 1e-12))
         sizes[face.tag] = min(sizes.get(face.tag, own), diagonal)
-    small = {tag for tag, own in sizes.items() if own < size}
+    small = {tag for tag, own in sizes.items() if own < size * (1 - SAME_SIZE)}
 
     # groups of faces that share an edge, and the faces that such a group bounds alone
     edges = {face.tag: set(gmsh.model.getAdjacencies(2, face.tag)[1]) for face in body.faces}

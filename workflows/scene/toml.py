@@ -390,6 +390,7 @@ SENTENCES = {
     "tuple_type": "{key} = {shown} must be a list{wanted_values}; write {key} = [...].",
     "string_pattern_mismatch": "{key} = {shown} must be letters, digits, '.', '-' and '_', the "
     "first a letter, a digit or '_'; change it.",
+    "name": "{key} = {shown} must be letters, digits, '-' and '_', the first no '-'; change it.",
     "axes": "{key} = {shown} must be some of the letters x, y and z; change it.",
     "string_too_long": "{key} = {shown} must have at most {max_length} characters; give another.",
     "string_too_short": "{key} is empty; give a text, or drop it.",
@@ -417,8 +418,9 @@ def _sentence(
     if type_ == "missing" and isinstance(error["loc"][-1], int):
         type_ = "too_few"
     type_ = "empty" if type_ == "too_short" and not value else type_
-    if type_ == "string_pattern_mismatch" and "xyz" in error["ctx"]["pattern"].replace("?", ""):
-        type_ = "axes"
+    if type_ == "string_pattern_mismatch":
+        pattern = error["ctx"]["pattern"].replace("?", "")
+        type_ = "axes" if "xyz" in pattern else type_ if "." in pattern else "name"
     if isinstance(value, dict) and type_ == "tuple_type" and error["loc"] in LISTS_OF_TABLES:
         type_ = "rows"
     n = len(value) if isinstance(value, list | tuple) else 0

@@ -491,10 +491,12 @@ def mesh_above_asked(mesh: MeshNumbers) -> Iterator[str]:
     elif mesh.bounded_by == "sizes":
         yield f"{what}its sizes were chosen with other values; a run of its own chooses them anew."
     elif mesh.bounded_by == "floor":
-        yield (
-            f"{what}{percent(mesh.floor, 2)} are dents under springs, which no mesh lowers; take "
-            "larger radii there."
-        )
+        # of each feature its own; those of all of them and of the dents add up to the floor
+        of_features = sum(feature.error for feature in mesh.left_out)
+        cause, remedy = "dents under springs", "take larger radii there"
+        if of_features >= 0.5 * mesh.floor:
+            cause, remedy = "features that mesh.simplify leaves out", "lower it"
+        yield (f"{what}{percent(mesh.floor, 2)} are {cause}, which no mesh lowers; {remedy}.")
     else:
         yield (
             f"{what}errors fall slowly with the size of elements {mesh.where}, where a fillet, a "

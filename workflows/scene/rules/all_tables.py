@@ -44,6 +44,8 @@ def contradictions(scene: Scene) -> Iterator[str]:
     """
     if scene.gravity and scene.gravity.direction and not scene.chains:
         yield "gravity.direction is of [[chains]]; give gravity.inclination, or drop it."
+    if scene.mesh is not None and not scene.has_structure:
+        yield "[mesh] is of an [assembly], which this scene has not; add one or drop [mesh]."
     if scene.crystal:
         yield from of_crystal(scene)
         yield from _of_time(scene)

@@ -32,7 +32,7 @@ class ChainStriker(SceneTable):
 class ChainOnStructure(ChainTable):
     """One of several chains on a structure: its spheres, and the face that it leans on."""
 
-    name: Annotated[str, Field(pattern=r"^[\w-]+$", max_length=50)]  # in results and in --set
+    name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # in results and in --set
     on: Face  # the face, "body:+x"; or "body@x,y,z"
     # [m] from the middle of a plane face along its two global axes, or [x, y, z]
     at: PlaceOnFace = (0.0, 0.0)

@@ -92,7 +92,8 @@ def fixtures_of_faces(
 def _impacts(scene: Scene, chosen: Placed | Parts, *, spheres: bool) -> dict[str, Any]:
     """The place that the chain strikes, or each of several, with the radii [m] of the spheres from
     the last one on if they are asked for."""
-    hits = chosen.struck_by_chains or ([] if chosen.struck is None else [chosen.struck])
+    hits = [chosen.struck_by_chains[row.name] for row in scene.chains or ()]
+    hits = hits or ([] if chosen.struck is None else [chosen.struck])
     if not hits:
         return {}
     radii: list[list[float]] = [[] for _ in hits]

@@ -117,7 +117,7 @@ class Placed(NamedTuple):
     pressed: list[TouchingPair]  # with a bolt that keeps them in contact
     bolted: dict[int, BoltedPlace]
     struck: Struck | None
-    struck_by_chains: tuple[Struck, ...]
+    struck_by_chains: dict[str, Struck]
     named: dict[str, FaceSelection]
     sizing: Sizing
 
@@ -148,9 +148,10 @@ def placed(
     face = hits[0][0] if hits else None
     if face:
         named[STRIKE] = face.face
-    struck_by_chains = tuple(hit for hit, _ in hits if scene.chains)
-    for row, hit in zip(scene.chains or (), struck_by_chains, strict=True):
-        named[chain_face(row.name)] = hit.face
+    struck_by_chains = {
+        row.name: hit for row, (hit, _) in zip(scene.chains or (), hits, strict=False)
+    }
+    named |= {chain_face(name): hit.face for name, hit in struck_by_chains.items()}
 
     # a crystal's last row touches at many places, none of them finer than the face
     fine = [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal]

@@ -74,7 +74,7 @@ class Parts(NamedTuple):
     connections: fem.Connections
     rigid: fem.Connections  # with rigid joints, and with ties over all that touches
     struck: Struck | None = None  # None: a scene without a strike
-    struck_by_chains: tuple[Struck, ...] = ()  # of several chains, in their order
+    struck_by_chains: Mapping[str, Struck] = MappingProxyType({})  # by name, of several chains
     load: fem.Load | None = None  # static, before the impact
     sizes: ElementSizes = ElementSizes()  # that it was meshed with
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing

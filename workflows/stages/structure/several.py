@@ -48,8 +48,8 @@ def chain_patches(scene: Scene, mesh: Parts, model: fem.Model) -> list[ChainPatc
     """The patches of all chains. Raises InvalidScene where one leaves its face, and for a curved
     face of an orthotropic material."""
     patches = []
-    each = zip(scene.of_each_chain.items(), mesh.struck_by_chains, strict=True)
-    for (name, one), struck in each:
+    for name, one in scene.of_each_chain.items():
+        struck = mesh.struck_by_chains[name]
         material = solid(scene, one.struck_body)
         with in_words_of(f"chains.{name}"):
             require_known_law(one, material, struck)
