@@ -66,8 +66,9 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
         pressing = "a weight" if chain.gravity else "a preload"
         if not sprung.any() and (not walled or (np.cumsum(steady) < 0.0).any()):
             raise NoEquilibrium(
-                f"{pressing} of {steady.sum():g} N finds no support; add leaf springs or a wall "
-                "that holds it"
+                f"{pressing} of {abs(steady.sum()):g} N "
+                f"{'pulls the spheres off and ' if steady.sum() < 0.0 else ''}finds no support; "
+                "add leaf springs or a wall that holds it"
             )
         x, force = _balance(chain, n if walled else n - 1, steady, compliance)
         if not walled and wall is not None and x[-1] > 0.0:

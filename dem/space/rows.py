@@ -127,11 +127,17 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
     apart, velocity = np.zeros(n), np.array(row.velocity, float)
     if row.delay > 0.0:
         # it arrives with its velocity, which its weight has changed on the way
-        gained = chain.gravity * row.delay
+        gained, late = chain.gravity * row.delay, f"the first sphere comes {row.delay:g} s later"
+        require(velocity[0] > 0.0, f"{late}; give it a velocity, or let it come at 0 s")
         require(
-            velocity[0] > max(gained, 0.0) and not chain.springs[0][0] and force[0] == 0.0,
-            "a first sphere that comes later needs a velocity, more than its weight gives it until "
-            "then, and nothing that holds it; change its velocity, its delay or its spring",
+            velocity[0] > gained,
+            f"{late} and gains {gained:.3g} m/s by its weight until then, its velocity is "
+            f"{velocity[0]:g} m/s; give it more, or less time",
+        )
+        require(
+            not chain.springs[0][0] and force[0] == 0.0,
+            f"{late}, and a leaf spring or a force holds it; give leaf springs to the others alone "
+            "(the first stiffness 0), or let it come at 0 s",
         )
         apart[0] = -(velocity[0] - 0.5 * gained) * row.delay
         velocity[0] -= gained

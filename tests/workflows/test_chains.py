@@ -283,7 +283,12 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"gravity": {"direction": [0, 0, 0]}}, "none: give x, y, z"),
         ({"gravity": {}, "assembly": {"held": [], "material": "steel"}}, "without supports"),
         ({"chains": [TOP | {"leaf_springs": {"stiffness": 1e3},
-                            "striker": {"velocity": 0.1, "time": 1e-4}}]}, "delay or its spring"),
+                            "striker": {"velocity": 0.1, "time": 1e-4}}]}, "the first stiffness 0"),
+        ({"chains": [TOP | {"striker": {"velocity": 0.1, "time": 4e-4}}]}, "not before the end"),
+        ({"gravity": {"acceleration": 30}, "chains": [
+            TOP | {"striker": {"velocity": 1e-3, "time": 1e-4}}]}, "gains 0.003 m/s by its weight"),
+        (DRUM | {"chains": [TOP | {"on": "drum:cylinder", "at": [20, 0, 0]}]}, "20 m away"),
+        (DRUM | {"chains": [TOP | {"on": "drum@0.02,0,0", "at": [7, 7]}]}, "is along a plane face"),
         ({"output": {"sensors": [{"sphere": 1}]}}, "chain is missing, allowed are top, end"),
         ({"output": {"sensors": [{"sphere": 4, "chain": "end"}]}}, "1 to chains.end.count = 3"),
         ({"strike": {"on": "plate:+z"}}, r"\[strike\] is of one \[chain\]"),

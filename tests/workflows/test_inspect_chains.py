@@ -115,6 +115,8 @@ def test_files_of_one_strike_are_one_record(drops, tmp_path):
     (tmp_path / "twice.csv").write_text(f"{title}\n{body}")
     with pytest.raises(InvalidScene, match=r"has 1 repeats, .* has 2; give as many"):
         recorded(above, tmp_path / "twice.csv")
+    with pytest.raises(InvalidScene, match=r"'a.csv\+' joins files by \+, one of them has no name"):
+        files_of_strike("a.csv+")
     with pytest.raises(InvalidScene, match=r"b.csv"):
         beadwave.inspect(PLATE, f"{shorter}+{tmp_path / 'b.csv'}", find="materials.steel.young")
 

@@ -70,10 +70,16 @@ def marched(name: str) -> Iterator[None]:
 
 
 def files_of_strike(data: str | Path) -> tuple[Path, ...]:
-    """The file of a strike, or the files whose names are joined by +."""
+    """The file of a strike, or the files whose names are joined by +. Raises InvalidScene for an
+    empty name."""
     if Path(data).exists():  # a name may hold a +
         return (Path(data),)
-    return tuple(Path(name) for name in str(data).split("+"))
+    names = str(data).split("+")
+    if not all(names):
+        raise InvalidScene(
+            f"{str(data)!r} joins files by +, one of them has no name; give file+file."
+        )
+    return tuple(Path(name) for name in names)
 
 
 def recorded(*files: Path) -> MeanRecord:

@@ -65,6 +65,11 @@ def of_chains(scene: Scene) -> Iterator[str]:
         for name, value, n in lists:
             if isinstance(value, tuple) and len(value) != n:
                 yield f"{name} has {len(value)} values, {n} are allowed; give one each."
+        if row.striker and row.striker.time >= scene.time.duration:
+            yield (
+                f"{key}.striker.time = {row.striker.time:g} s is not before the end, time.duration "
+                f"= {scene.time.duration:g} s; lower the one or raise the other."
+            )
         if row.initial_velocity is not None and row.striker:
             yield f"{key}.initial_velocity replaces {key}.striker; drop one of them."
         striker = row.striker or scene.striker

@@ -116,7 +116,7 @@ def chain(scene: Scene) -> dem.Chain:
         leaf_anchor=np.asarray(leaf.offset) if leaf else None,
         preload=scene.preload.force if scene.preload else 0.0,
         gravity=along,
-        n_falling=n_falling(scene) if along and leaf is None else 0,
+        n_falling=n_falling(scene) if along else 0,
     )
 
     # Hertz' law of a curved face, or another law in the place of Hertz'
@@ -159,8 +159,11 @@ def dissipation(contact: ContactTable) -> dict[str, Any]:
 
 
 def n_falling(scene: Scene) -> int:
-    """Number of spheres in flight: those from the striker on that move at the start."""
+    """Number of spheres in flight: those from the striker on that move at the start and hang on no
+    leaf spring."""
     moving = np.atleast_2d(initial_velocity(scene))[0] != 0.0
+    if scene.leaf_springs:
+        moving &= np.broadcast_to(np.asarray(scene.leaf_springs.stiffness) == 0.0, moving.shape)
     return int(np.append(moving, False).argmin())
 
 

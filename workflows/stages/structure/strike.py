@@ -28,6 +28,9 @@ N_RIM = 16  # points of the rim whose distance from the face is measured
 # distance from the face, over the patch's radius, beyond which a point is off it; the patch on
 # the mesh decides where it is nearer (fem.assembly.trace.OffFace)
 OFF_FACE = 0.02
+# distance of a point from its face, over the body's diagonal, that is no meant one: of a length in
+# mm that is written in m it is hundreds
+FAR_AWAY = 10.0
 
 
 @contextmanager
@@ -67,6 +70,11 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: FaceSelection) ->
                 f"{scene.name}: strike.on = {strike.on!r} is no plane face, which has a middle; "
                 "say where it is struck, at = [x, y, z] in m."
             )
+        if strike.point is None and tuple(strike.at) != MIDDLE:
+            raise InvalidScene(
+                f"{scene.name}: strike.at = {list(strike.at)} m is along a plane face, and "
+                f"strike.on = {strike.on!r} is none; give [x, y, z], or drop it."
+            )
         first = nearest(faces, body, point)
         if first.normal is None and first.kind not in ("cylinder", "sphere"):
             raise InvalidScene(
@@ -74,6 +82,8 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: FaceSelection) ->
                 "strike a plane, a cylinder or a sphere."
             )
         hit = struck_at(body, faces, first, point)
+
+    _require_near(scene, body, hit, point)
 
     # round face: the point is moved onto it, and the patch must be small relative to its radius
     if hit.normal is None:
@@ -98,6 +108,17 @@ def struck(scene: Scene, bodies: Mapping[str, Body], selected: FaceSelection) ->
     if off > OFF_FACE * strike.radius and (strike.point or tuple(strike.at) != MIDDLE):
         raise _off_face(scene, hit.point, faces)
     return hit
+
+
+def _require_near(scene: Scene, body: Body, hit: Struck, point: Sequence[float]) -> None:
+    """Raise InvalidScene for a point (3,) [m] that is many times as far from its face as the body
+    is long."""
+    off = min(body.distance(point, tag) for tag in hit.face.tags)
+    if off > FAR_AWAY * np.linalg.norm(np.subtract(body.upper, body.lower)):
+        raise InvalidScene(
+            f"{scene.name}: strike.at = {np.round(point, 6).tolist()} m is {off:.3g} m away from "
+            f"{scene.strike.on!r}; give a point on it, in m."
+        )
 
 
 def around(
