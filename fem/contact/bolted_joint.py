@@ -258,12 +258,19 @@ def joint_stiffness_by_formula(
         (spread * c) ** 2 + (spread_a * of_mesh(a)) ** 2 + (layer_spread * rough) ** 2
     )
     sigma_r = sum(rocking_difference(m, a, a * np.exp(spread_a)) for m in pressed)
-    s_z, s_r = sigma_z / c_z, np.hypot(4 * sigma_z / a**2, sigma_r) / c_r
+    s_z = deviation_of_ln(sigma_z / c_z)
+    s_r = deviation_of_ln(np.hypot(4 * sigma_z / a**2, sigma_r) / c_r)
     s_x = np.log(springs.kx / after) / 2
     return JointStiffness(
         k_b, k_m, wileman, held, 1 / (c + rough), of_mesh(held), springs,
         np.array([s_x, s_x, s_z, s_r, s_r, s_x]), slipped, faces.friction * preload,
     )  # fmt: skip
+
+
+def deviation_of_ln(relative: float) -> float:
+    """Deviation of ln of a compliance by its relative one; of one above 1, as of thin plates whose
+    mesh has nearly all of the compliance, that of what the compliance may be, e times so much."""
+    return float(relative if relative <= 1.0 else 1.0 + np.log(relative))
 
 
 def fastener_masses(bolt: Bolt, grip: float) -> tuple[Fastener, Fastener]:

@@ -14,6 +14,7 @@ from beadwave.fem import (
 )
 from beadwave.fem.contact.bolted_joint import (
     bolt_stiffness,
+    deviation_of_ln,
     huth_stiffness,
     members_stiffness,
     rocking_difference,
@@ -117,6 +118,19 @@ def test_springs_and_mesh_together_have_the_compliance_of_bolt_and_members():
     assert j.springs.krx == j.springs.kry == pytest.approx(j.springs.kz * j.held**2 / 4, rel=1e-12)
     assert j.springs.krz == pytest.approx(j.springs.kx * j.held**2 / 2, rel=1e-12)
     assert np.isfinite(j.springs).all() and (j.deviation > 0).all()
+
+
+def test_thin_plates_have_spreads_of_a_few_decades():
+    """The mesh has nearly all of their compliance, so that what is left is uncertain many times
+    over: of plates of 1 mm the factor was 4e6 along and 5e126 about the bolt."""
+    spreads = []
+    for thickness in (3e-3, 2e-3, 1e-3):
+        plate = Member(thickness, STEEL, 0.009)
+        spreads.append(joint_stiffness_by_formula(M8, (plate, plate), FACES, 1e3).deviation)
+    assert np.all(np.diff(spreads, axis=0)[:, 3:5] > 0)  # thinner, less certain
+    assert np.max(spreads) < np.log(1e3)
+    assert deviation_of_ln(0.3) == 0.3 and deviation_of_ln(1.0) == 1.0
+    assert deviation_of_ln(1 + 1e-6) == pytest.approx(1 + 1e-6, rel=1e-9)  # without a kink
 
 
 def test_discs_wider_than_the_foot_have_softer_springs_by_what_they_take_from_the_mesh():
