@@ -34,11 +34,11 @@ def simplified(
     and all in `zones`. To be called inside the bodies' ``with model(...)``."""
     new, removals = {}, []
     for name, body in bodies.items():
-        balls = [zone for zone in zones if zone.body == name]
+        nearby = [zone for zone in zones if zone.body == name]
         features = [
             (tags, largest)
             for tags, largest in features_below(body, size)
-            if not set(tags) & set(kept) and not any(_reaches(body, tags, zone) for zone in balls)
+            if not set(tags) & set(kept) and not any(_reaches(body, tags, zone) for zone in nearby)
         ]
         of_body = [
             (tags, removal)
@@ -68,11 +68,11 @@ def features_below(body: Body, size: float) -> list[tuple[tuple[int, ...], float
             sizes |= dict.fromkeys(bore.tags, bore.diameter)
     for face in body.faces:
         diagonal = float(np.linalg.norm(face.upper - face.lower))
-        own = diagonal
+        usual = diagonal
         if face.kind != "plane" and face.tag not in sizes:
-            own = min(own, 1 / max(curvatures(face.tag).min(), 1e-12))
-        sizes[face.tag] = min(sizes.get(face.tag, own), diagonal)
-    small = {tag for tag, own in sizes.items() if own < size * (1 - SAME_SIZE)}
+            usual = min(diagonal, 1 / max(curvatures(face.tag).min(), 1e-12))
+        sizes[face.tag] = min(sizes.get(face.tag, usual), diagonal)
+    small = {tag for tag, of_face in sizes.items() if of_face < size * (1 - SAME_SIZE)}
 
     # groups of faces that share an edge, and the faces that such a group bounds alone
     edges = {face.tag: set(gmsh.model.getAdjacencies(2, face.tag)[1]) for face in body.faces}
@@ -84,15 +84,16 @@ def features_below(body: Body, size: float) -> list[tuple[tuple[int, ...], float
             small -= border
             around = set().union(*(edges[tag] for tag in border))
             border = {tag for tag in small if edges[tag] & around}
-        own = set().union(*(edges[tag] for tag in group))
-        ends = {tag for tag, of_face in edges.items() if tag not in group and of_face <= own}
+        # the bottom of a blind hole has no edge but that of the wall
+        of_group = set().union(*(edges[tag] for tag in group))
+        ends = {tag for tag, of_face in edges.items() if tag not in group and of_face <= of_group}
         if len(group | ends) < len(edges):
             features.append((tuple(sorted(group | ends)), max(sizes[tag] for tag in group)))
     return features
 
 
 def _reaches(body: Body, tags: Iterable[int], zone: Zone) -> bool:
-    """Whether the box of a face lies within a zone in part."""
+    """True if the box of any of these faces lies within a zone in part."""
     for face in (body.face(tag) for tag in tags):
         nearest = np.clip(zone.centre, face.lower, face.upper)
         if np.linalg.norm(nearest - zone.centre) <= zone.radius:
@@ -134,7 +135,7 @@ def _name_faces(body: Body, tag: int) -> None:
 
 
 def _removal(body: Body, tags: Sequence[int], size: float) -> Removal | None:
-    """What is left out with these faces; None where they cannot be removed."""
+    """The feature of these faces, removed by itself; None where it cannot be."""
     occ = gmsh.model.occ
     if (tag := _without(body, tags)) is None:
         return None
