@@ -268,8 +268,9 @@ def joint_stiffness_by_formula(
 
 
 def deviation_of_ln(relative: float) -> float:
-    """Deviation of ln of a compliance by its relative one; of one above 1, as of thin plates whose
-    mesh has nearly all of the compliance, that of what the compliance may be, e times so much."""
+    """Deviation of ln(k) from the relative deviation v of a compliance: v up to 1, 1 + ln v beyond,
+    with the same slope at 1. Of thin plates, whose mesh has nearly all of the compliance, v is in
+    the hundreds, and exp(v) spans more decades than any joint does."""
     return float(relative if relative <= 1.0 else 1.0 + np.log(relative))
 
 

@@ -103,6 +103,8 @@ def test_one_of_several_is_the_chain_alone_on_the_structure(changes, place, of_s
     assert difference < stated < 5e-3
     both = several.summary.chains["top"].peak_wall_force_N, one.summary.peak_wall_force_N
     assert both[0] == pytest.approx(both[1], rel=5e-3)
+    radius = several.summary.chains["top"].contact_radius_m
+    assert radius == pytest.approx(one.summary.contact_radius_m, rel=5e-3)
 
 
 def test_two_chains_on_the_reduced_structure_move_as_on_the_whole(struck):

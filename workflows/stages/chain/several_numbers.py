@@ -44,7 +44,7 @@ def chains_numbers(
         peak = float(run.contact_force[:, -1].max())
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
-            contact_radius_m=contact_radius(one, first, peak),
+            contact_radius_m=first.ellipse.size * contact_radius(one, first, peak),
             waves={str(s): sphere_waves(tracked, run.t, run.v, s) for s in tracked.labels},
             wall_contact=chain_contact(one, tracked),
             errors=ErrorEstimate(time=march.error_estimate),
