@@ -61,6 +61,7 @@ class Words(NamedTuple):
     bodies: Sequence[str] = ()  # patterns that some body must fit
     groups: Mapping[str, str] = {}  # patterns of bodies by the key that messages call them by
     faces: Mapping[str, str] = {}  # selectors by the name of the face
+    keys: Mapping[str, str] = {}  # that messages call selectors by, by selector
     struck: str | None = None  # selector
     under: Mapping[str, Under] = {}  # parts of these faces that are meant, by the face's name
     ties: Sequence[TieWords] = ()
@@ -115,11 +116,19 @@ def picked(
             raise InvalidGeometry(f"{key}: {error}") from None
     pairs = [(tie, t) for tie in words.ties for t in touches(tie.between, bodies, touching)]
     tied = {touch.name: touch for _, touch in pairs}
-    named = {name: faces(selector, bodies) for name, selector in words.faces.items()}
+    selected = {}
+    for selector in (*words.faces.values(), *([words.struck] if words.struck else ())):
+        try:
+            selected[selector] = faces(selector, bodies)
+        except InvalidGeometry as error:
+            key = words.keys.get(selector)
+            raise InvalidGeometry(f"{key}: {error}" if key else str(error)) from None
+    named = {name: selected[selector] for name, selector in words.faces.items()}
     patches = {
-        name: _spots(named[name], under, bodies, name) for name, under in words.under.items()
+        name: _spots(named[name], under, bodies, words.keys.get(words.faces[name], name))
+        for name, under in words.under.items()
     }
-    struck = faces(words.struck, bodies) if words.struck else None
+    struck = selected[words.struck] if words.struck else None
     result = NamedParts(groups, named, dict(patches), struck, tied, {}, {}, [])
 
     # a tie of parts: the smaller body follows under these the whole face of the larger one

@@ -262,12 +262,28 @@ def test_a_bound_is_said_with_what_the_error_would_take():
         ),
         (("mesh.error=0",), "mesh.error = 0 .*greater than 0"),
         (("mesh.error=1.5",), "mesh.error = 1.5 .*less than 1"),
+        (("mesh.error=2%2",), "mesh.error = '2%2' must be a valid number"),
+        (("mesh.error=120%",), "mesh.error = '120%' must be less than 1"),
         (("mesh.unknowns=10",), "mesh.unknowns = 10 .*1000"),
+        (("mesh.unknowns=5000",), "mesh.unknowns = 5000 .* give mesh.error"),
+        (("mesh.modes=3",), "mesh.modes = 3 .* give mesh.error"),
     ],
 )
 def test_what_contradicts_an_error_of_the_mesh_is_refused(changes, sentence):
     with pytest.raises(InvalidScene, match=sentence):
         scene("cantilever", changes)
+
+
+def test_an_error_may_be_written_in_percent():
+    read = scene("cantilever", ("mesh.error=2 %", "time.error=0.1%"))
+    assert (read.mesh.error, read.time.error) == (0.02, 0.001)
+
+
+def test_a_mesh_of_the_rig_from_a_file_has_no_error_to_ask_for(tmp_path):
+    file = tmp_path / "rig.msh"
+    file.touch()
+    with pytest.raises(InvalidScene, match=r"mesh\.error contradicts mesh\.file"):
+        scene("rig-rom", {"mesh.file": str(file), "mesh.error": 0.02})
 
 
 def test_a_floor_ends_the_search_once_meshes_have_done_their_part():

@@ -525,7 +525,12 @@ material = "steel"
     [
         ('held = ["base:-z"]', '[[ties]]\nbetween = "base|lid"'),
         ('held = ["base:-z"]\ntouching = "free"', '"lid" can still move'),
-        ('held = ["base:-q"]\ntouching = "tied"', '"base:-q" picks no face'),
+        ('held = ["base:-q"]\ntouching = "tied"', 'assembly.held: "base:-q" picks no face'),
+        ('held = [{ on = "base:-z", directions = "z" }, { on = "lid:-q" }]',
+         'assembly.held.on: "lid:-q" picks no face; write "lid:+x"'),
+        ('held = []\n[strike]\non = "lid:up"', 'strike.on: "lid:up" picks no face'),
+        ('held = []\n[[masses]]\nname = "nut"\nmass = 0.1\non = "lid:up"',
+         'masses.nut.on: "lid:up" picks no face'),
         ('held = ["bse:-z"]\ntouching = "tied"', 'no body is called "bse", perhaps "base"'),
         ('touching = "tied"', "assembly.held is missing"),
         ('held = []\ntouching = "tid"', "assembly.touching = 'tid' must be"),

@@ -14,8 +14,9 @@ from beadwave.workflows.report.summary_rows import mesh_words
 from beadwave.workflows.scene import InvalidScene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
-from beadwave.workflows.stages.structure import assembly, bodies
+from beadwave.workflows.stages.structure import assembly, bodies, sizes_file
 from beadwave.workflows.stages.structure.meshed_parts import ElementSizes
+from beadwave.workflows.structure.look import look
 
 pytestmark = pytest.mark.usefixtures("shared_cache")
 
@@ -192,6 +193,42 @@ def test_faces_keep_their_names():
         centres = {face.name: face.centre for face in simple["part"].faces if face.name}
         assert centres["top"] == pytest.approx([0.03, 0.015, 6e-3])
         assert centres["end"] == pytest.approx([0, 0.015, 3e-3])
+
+
+def test_sizes_of_a_file_have_features_left_out_as_their_search_has(tmp_path):
+    found = pipeline_of(scene(held(modes=3, simplify=SIZE)), quiet)
+    np.savez(tmp_path / "sizes.npz", **sizes_file.arrays_of(found("sizes")))
+    of_file = scene(held(modes=3, simplify=SIZE, sizes=str(tmp_path / "sizes.npz")))
+    run = pipeline_of(of_file, quiet)
+    numbers, again = found("mesh-numbers"), run("mesh-numbers")
+    assert [part.faces for part in again.left_out] == [part.faces for part in numbers.left_out]
+    # shapes that vibrate have inertia in a static response, which the search has not
+    errors = np.array([[part.error for part in n.left_out] for n in (numbers, again)])
+    assert np.all((errors[1] >= errors[0]) & (errors[1] < 2.1 * errors[0]))
+    # of few elements, which are split: features are a part of their error all the same
+    missed, omega = run("missed-energy"), run("modes").omega[:3]
+    assert missed.split is not None
+    of_split = missed._replace(energy=np.zeros_like(missed.energy))
+    features = np.diag(missed.left_out.sum(axis=0))[:3]
+    assert np.allclose(
+        missed.of_frequencies(omega) - of_split.of_frequencies(omega),
+        1 - 1 / np.sqrt(1 + features / omega**2),
+    )
+    assert missed.of_compliance > of_split.of_compliance
+
+
+@pytest.mark.parametrize("meshed", [False, True])
+def test_look_lists_features_left_out_and_meshes_without_them(meshed):
+    seen = look(scene(held(simplify=SIZE)), "part", meshed=meshed).look
+    whole = look(scene(held()), "part", meshed=meshed).look
+    assert seen.dofs < 0.8 * whole.dofs
+    assert not whole.left_out
+    assert [row.faces for row in seen.left_out] == [
+        ("part@0.02,0.015,0.003",), ("part@0.03,0.015,0.003",), ("part@0.045,0.0152,0.003",)
+    ]  # fmt: skip
+    assert seen.left_out[0].volume_m3 == pytest.approx(np.pi * 1e-6 * 6e-3)
+    assert "left out of the mesh" in seen.text()
+    assert "left out of the mesh" not in whole.text()
 
 
 def test_simplify_without_an_error_is_refused():

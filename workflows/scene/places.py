@@ -1,5 +1,6 @@
 """Places of shakers and sensors on a structure, and what its reduced model has to hold for them."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from beadwave.workflows.scene.tables.walls import RomWall
@@ -68,6 +69,18 @@ def named_faces(scene: "Scene") -> dict[str, str]:
     if scene.crystal is not None and scene.crystal.on is not None:
         spheres[CRYSTAL_FACE] = scene.crystal.on
     return functionals | masses | ends | parts | spheres
+
+
+def paths_of(text: str, tables: Any) -> Iterator[tuple[str, ...]]:
+    """Keys that lead to each place of a text in tables, those with a name in a list by it."""
+    if tables == text:
+        yield ()
+    rows = tables.items() if isinstance(tables, dict) else ()
+    if isinstance(tables, list | tuple):
+        rows = [(row.get("name", "") if isinstance(row, dict) else "", row) for row in tables]
+    for name, value in rows:
+        for path in paths_of(text, value):
+            yield (str(name), *path) if name != "" else path
 
 
 def chain_face(name: str) -> str:

@@ -18,6 +18,7 @@ from typing import Annotated, Any, Self
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -137,11 +138,24 @@ def _representable(value: float) -> float:
     return value
 
 
+def _of_percent(value: Any) -> Any:
+    """The share that a text as "1 %" stands for; anything else as it is."""
+    text = isinstance(value, str) and value.removesuffix("%")
+    if not text or text == value:
+        return value
+    try:
+        return float(text) / 100
+    except ValueError:
+        return value
+
+
 SMALLEST, LARGEST = 1e-18, 1e18  # of any number of a scene
 Number = Annotated[float, AfterValidator(_representable)]
 Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 Ratio = Annotated[float, Field(ge=0, lt=1)]
+# a number, or a text as "1 %"
+RelativeError = Annotated[float, BeforeValidator(_of_percent)]
 Poisson = Annotated[float, Field(gt=-1, le=0.5)]
 JointStiffness = Annotated[float, Field(ge=0, allow_inf_nan=True), AfterValidator(_representable)]
 Count = Annotated[int, Field(ge=1, le=1_000_000)]

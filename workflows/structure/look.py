@@ -20,7 +20,13 @@ from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory, t
 from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.pages.pictures import fixtures_of_faces
 from beadwave.workflows.stages.structure.assembly import mesh
-from beadwave.workflows.stages.structure.bodies import drawing, placed, sizing_of, words
+from beadwave.workflows.stages.structure.bodies import (
+    drawing,
+    placed,
+    sizing_of,
+    without_small_features,
+    words,
+)
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.warnings import overloaded_bolts
 from beadwave.workflows.structure.face_page import face_page
@@ -87,8 +93,18 @@ class SeenPart(BaseModel):
     synthetic: bool
 
 
+class SeenRemoval(BaseModel):
+    """A feature that mesh.simplify leaves out of the mesh."""
+
+    body: str
+    faces: tuple[str, ...]  # "body@x,y,z" [m]
+    size_m: float  # diameter of a hole, radius of a rounding, diagonal of other faces
+    volume_m3: float  # filled and taken away
+
+
 class Look(BaseModel):
-    """Bodies, touching pairs, holes, carried masses, springs, measured parts, the cost of a run;
+    """Bodies, touching pairs, holes, features that the mesh leaves out, carried masses, springs,
+    measured parts, the cost of a run;
     `remarks` in sentences."""
 
     name: str
@@ -96,6 +112,7 @@ class Look(BaseModel):
     bodies: list[SeenBody]
     touching: list[SeenPair]
     holes: list[SeenHole]
+    left_out: list[SeenRemoval] = []  # by mesh.simplify
     masses: list[SeenMass] = []
     springs: list[SeenSpring] = []
     measured: list[SeenPart] = []
@@ -137,6 +154,14 @@ class Look(BaseModel):
                 axis = ", ".join(f"{x:.3g}" for x in hole.axis)
                 diameter = f"{1e3 * hole.diameter_m:.5g}"
                 cells.append((f"{hole.body}:hole", diameter, hole.number, axis))
+            lines += ["", aligned_text(head, cells)]
+
+        if self.left_out:
+            head = ("left out of the mesh", "size [mm]", "volume [mm^3]")
+            cells = [
+                (feature.faces[0], f"{1e3 * feature.size_m:.4g}", f"{1e9 * feature.volume_m3:.4g}")
+                for feature in self.left_out
+            ]
             lines += ["", aligned_text(head, cells)]
 
         if self.masses:
@@ -232,6 +257,10 @@ def look(
                 fixtures = fixtures_of_faces(scene, chosen, triangles) if chosen else {}
                 fixtures["elements"] = False
 
+        removals = parts.left_out if parts else ()
+        if chosen and scene.mesh.simplify and not geometry.own:
+            geometry, removals = without_small_features(scene, geometry, chosen)
+
         # a mesh comes last: it parts faces that touch in part
         sizing = chosen.sizing if chosen else sizing_of(scene, geometry)
         if meshed and not whole:
@@ -287,6 +316,10 @@ def look(
             for pair in geometry.near.touching
         ],
         holes=holes,
+        left_out=[
+            SeenRemoval(body=r.body, faces=r.faces, size_m=r.size, volume_m3=r.volume)
+            for r in removals
+        ],
         masses=[SeenMass(name=one.name, on=one.on, mass_kg=one.mass) for one in scene.masses or ()],
         measured=_seen_parts(scene),
         joints=joints,

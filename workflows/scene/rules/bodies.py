@@ -7,9 +7,10 @@ from math import inf
 from re import split
 
 from beadwave.workflows.scene.named_materials import NAMED, family
+from beadwave.workflows.scene.rig import RigScene
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.scene_table import nearest
-from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, THREAD, Bolts, General
+from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, THREAD, Bolts, General, Meshing
 from beadwave.workflows.scene.tables.bolts import (
     ADVISED_UTILISATION,
     BREAKING_UTILISATION,
@@ -48,6 +49,16 @@ def of_bodies(scene: Scene) -> Iterator[str]:
                 )
         if scene.mesh.scale != 1.0 or scene.mesh.element != "hex":
             yield "[mesh] contradicts assembly.mesh, which has all elements; drop it."
+    # a search for sizes; mesh.modes also says which errors are told of sizes from a file
+    usual = Meshing()
+    for key in ("modes", "unknowns"):
+        value = getattr(scene.mesh, key)
+        searched = scene.mesh.error or (key == "modes" and scene.mesh.sizes)
+        if value != getattr(usual, key) and not searched:
+            yield (
+                f"mesh.{key} = {value} is of the search for a mesh with an error asked for, and "
+                "none is; give mesh.error, or drop it."
+            )
     if scene.mesh.simplify and not scene.mesh.error:
         yield (
             f"mesh.simplify = {scene.mesh.simplify:g} m leaves out features as a part of an error "
@@ -61,7 +72,8 @@ def of_bodies(scene: Scene) -> Iterator[str]:
     if scene.mesh.error or scene.mesh.sizes:
         chooses = "mesh.sizes" if scene.mesh.sizes else "mesh.error"
         if assembly.mesh is not None:
-            yield f"{chooses} contradicts assembly.mesh, which has all elements; drop one."
+            of_mesh = "mesh.file" if isinstance(scene, RigScene) else "assembly.mesh"
+            yield f"{chooses} contradicts {of_mesh}, which has all elements; drop one."
         if scene.mesh.scale != 1.0:
             yield (
                 f"{chooses} and mesh.scale = {scene.mesh.scale:g} exclude each other: sizes of "

@@ -9,6 +9,7 @@ from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
     Frequency,
     Positive,
+    RelativeError,
     SceneTable,
     Seed,
 )
@@ -22,9 +23,10 @@ from beadwave.workflows.scene.units import (
 class AskedOfMesh(SceneTable):
     """Demands on a mesh in place of sizes of elements, and the time that it may take."""
 
-    # relative error from which sizes of elements follow: of the frequencies of the targets, without
-    # targets of the first elastic modes, and of the static compliance at each contact
-    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    # relative error, 0.02 or "2 %", from which sizes of elements follow: of the frequencies of the
+    # targets, without targets of the first elastic modes, and of the static compliance at each
+    # contact
+    error: Annotated[RelativeError, Field(gt=0, lt=1)] | None = None
     # with `error`, without targets: the elastic modes whose frequencies are bounded
     modes: Annotated[int, Field(ge=1, le=20)] = 12
     # with `error`: the mesh has so many unknowns at most

@@ -9,6 +9,7 @@ from beadwave.workflows.scene.scene_table import (
     Limit,
     PatchRadius,
     Point,
+    RelativeError,
     SceneTable,
     exactly_one,
 )
@@ -31,7 +32,7 @@ class Reduction(SceneTable):
     modes: Count | None = None  # number of modes kept
     cutoff: Limit | None = None  # [Hz] modes below it are kept
     # of the receptance at the contact, which decides how many modes are kept
-    error: Annotated[float, Field(gt=0, lt=1)] | None = None
+    error: Annotated[RelativeError, Field(gt=0, lt=1)] | None = None
     to_hz: Limit | None = None  # [Hz] up to which the error and the choice count; 20 kHz
 
     @model_validator(mode="before")

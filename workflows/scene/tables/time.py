@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
     Positive,
+    RelativeError,
     SceneTable,
     exactly_one,
 )
@@ -26,7 +27,7 @@ class Time(SceneTable):
     duration: of(Positive, TIME, 0, 1) = 3e-3  # [s] of the run
     horizon: of(Positive, TIME, 0, 10) = 10e-3  # [s] up to which errors count
     # of the velocities over the striker's speed; the step follows from it
-    error: Annotated[float, Field(ge=1e-12, lt=1)] | None = None
+    error: Annotated[RelativeError, Field(ge=1e-12, lt=1)] | None = None
     dt: of(Positive, TIME) | None = None  # [s] a fixed step, in place of an error
 
     @model_validator(mode="before")

@@ -356,18 +356,26 @@ def mesh_numbers(
     """The mesh that follows from mesh.error, as the summary has it."""
     asked = scene.mesh.error or adapted.asked
     solved = tuple(SolvedMeshNumbers(**each._asdict()) for each in adapted.meshes)
-    stated, bounded_by = adapted.stated, adapted.bounded_by
+    stated, bounded_by, left_out = adapted.stated, adapted.bounded_by, adapted.left_out
     if scene.mesh.sizes or scene.sizes_of is not scene:
         # sizes of another scene: what they leave in this one, and whether that is more than there
         stated = stated_error(scene, modes, missed)
         of_sizes = stated > MORE * adapted.stated or bounded_by is None
         bounded_by = None if not stated > asked else "sizes" if of_sizes else bounded_by
+        # none where nothing is known of the mesh
+        left_out = tuple(
+            LeftOutPart(
+                r.body, r.faces, r.size,
+                stated_error(scene, modes, missed._replace(energy=energy, split=None)),
+            )
+            for r, energy in zip(mesh.left_out, missed.left_out, strict=False)
+        )  # fmt: skip
     return MeshNumbers(
         asked=asked, stated=stated, floor=adapted.floor, bounded_by=bounded_by,
         unknowns_for_asked=adapted.unknowns_for_asked,
         seconds_for_asked=adapted.seconds_for_asked, where=adapted.where, meshes=solved,
         chords=max(map(abs, mesh.chords.values()), default=0.0),
-        left_out=tuple(LeftOutNumbers(**each._asdict()) for each in adapted.left_out),
+        left_out=tuple(LeftOutNumbers(**each._asdict()) for each in left_out),
     )  # fmt: skip
 
 

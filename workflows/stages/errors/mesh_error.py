@@ -59,7 +59,8 @@ class MeshErrorEstimate(NamedTuple):
     """Shapes of an assembly on its mesh, and the energy that the mesh misses in them."""
 
     omega: NDArray[np.float64]  # (k,) [rad/s] ascending, rigid motions as zeros
-    energy: NDArray[np.float64]  # (k, k) [rad^2/s^2] G of mass-normalised shapes
+    # (k, k) [rad^2/s^2] G of mass-normalised shapes; of a split mesh by features left out alone
+    energy: NDArray[np.float64]
     w: NDArray[np.float64] | None  # (k,) [kg^-1/2] at the contact; None of what is not struck
     n_static: int = 0  # of the highest, that follow the force
     split: SplitMesh | None = None  # of a mesh of few elements
@@ -68,6 +69,8 @@ class MeshErrorEstimate(NamedTuple):
     # (cells,) by body: energy missed in each element over that of the shape in which it is largest,
     # of the first elastic modes and the static response; none of a split mesh
     of_cells: Mapping[str, NDArray[np.float64]] = MappingProxyType({})
+    # (features, k, k) [rad^2/s^2] of the energy, by features that the mesh leaves out
+    left_out: NDArray[np.float64] = np.empty((0, 0, 0))
 
     @property
     def share(self) -> float:
@@ -82,7 +85,9 @@ class MeshErrorEstimate(NamedTuple):
             error = np.full(len(omega), np.nan)
             elastic = np.flatnonzero(omega[:n] > RIGID * np.max(omega))
             lower = self.split.omega[elastic] / omega[elastic]
+            of_features = np.diag(self.energy)[elastic] / omega[elastic] ** 2
             error[elastic] = np.maximum(self.split.share * (1 - lower), 0.0)
+            error[elastic] += 1 - 1 / np.sqrt(1 + of_features)
             return error
         if not len(self.omega):
             return np.full(len(omega), np.nan)
@@ -125,14 +130,15 @@ class MeshErrorEstimate(NamedTuple):
         structure floats."""
         if self.w is None or not np.all(self.omega > 0):
             return None
+        u = self.w / self.omega**2
+        of_energy = float(u @ self.energy @ u)
         if self.split is not None:
             of_run, finer = (
                 rom.static_compliance(wall) - (wall.contact.half_space or 0.0)
                 for wall in self.split.walls
             )
-            return self.split.share * abs(finer - of_run)
-        u = self.w / self.omega**2
-        return float(u @ self.energy @ u)
+            return self.split.share * abs(finer - of_run) + of_energy
+        return of_energy
 
     def walls(self, contact: rom.Contact) -> tuple[rom.ReducedModel, rom.ReducedModel]:
         """The assembly at its contact, as its mesh has it and without what the mesh misses; raises
@@ -231,8 +237,13 @@ def energy_of_shapes(
             for on_mesh, parts in ((model, mesh), (split, split_mesh))
         )
         pair = SplitMesh(lowest.omega, walls, share)
-        G = np.zeros((len(modes.omega),) * 2)
-        return MeshErrorEstimate(modes.omega, G, contact.w @ modes.phi, split=pair)
+        # no split element tells of features that all meshes leave out
+        omega, phi = modes.omega, modes.phi
+        if static is not None:
+            omega, phi = np.append(omega, static.omega), np.column_stack([phi, static.phi])
+        left_out = energy_left_out(mesh, model, phi, omega)
+        energy = left_out.sum(axis=0)
+        return MeshErrorEstimate(omega, energy, contact.w @ phi, split=pair, left_out=left_out)
 
     shapes = loaded_shapes(scene, model, modes, contact, static, field)
     energy = energy_in(scene, mesh, model, shapes.phi, shapes.D, shapes.pushed)
@@ -247,7 +258,7 @@ def energy_of_shapes(
     }
     return MeshErrorEstimate(
         shapes.omega, energy.G, shapes.w, int(np.sum(shapes.omega > static_from)),
-        causes=causes(mesh, energy.missed.of_cells), of_cells=of_cells,
+        causes=causes(mesh, energy.missed.of_cells), of_cells=of_cells, left_out=energy.left_out,
     )  # fmt: skip
 
 
@@ -351,12 +362,19 @@ def energy_in(
     with fem.one_thread():
         missed = fem.missed_energy(model, mesh.materials, phi, D, boundary, pushed=pushed)
     dents = fem.missed_in_dents(model, mesh.materials, phi)
-    features = [fem.LeftOut(r.body, r.places, r.volume, r.factor) for r in mesh.left_out]
-    omega = np.sqrt(np.maximum(np.diag(D), 0.0))
-    left_out = fem.energy_left_out(model, mesh.materials, features, phi, omega)
+    left_out = energy_left_out(mesh, model, phi, np.sqrt(np.maximum(np.diag(D), 0.0)))
     dents = dents + left_out.sum(axis=0)
     G = sum(factor(mesh, body) * of_body for body, of_body in missed.of_bodies.items())
     return ShapeEnergy(G + dents, dents, missed, left_out)
+
+
+def energy_left_out(
+    mesh: Parts, model: fem.Model, phi: NDArray[np.float64], omega: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(features, k, k) [rad^2/s^2] of the energy of mass-normalised shapes phi (n, k) with omega
+    (k,) [rad/s], by features that the mesh leaves out."""
+    features = [fem.LeftOut(r.body, r.places, r.volume, r.factor) for r in mesh.left_out]
+    return fem.energy_left_out(model, mesh.materials, features, phi, omega)
 
 
 def without_missed(omega: NDArray[np.float64], energy: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -32,7 +32,13 @@ from beadwave.workflows.files.mesh_reader import volumes_of
 from beadwave.workflows.files.step import require_step
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.body_shapes import grid_lines, shapes
-from beadwave.workflows.scene.places import chain_face, named_faces, part_face, spring_face
+from beadwave.workflows.scene.places import (
+    chain_face,
+    named_faces,
+    part_face,
+    paths_of,
+    spring_face,
+)
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
 from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
@@ -93,13 +99,20 @@ def words(scene: Scene) -> Words:
                     f"{joint.name}-{i}" if joint.stack else None,
                 )
             )
+    struck = scene.strike.on if scene.strike else None
+    tables = scene.model_dump(exclude_none=True)
     unders = {f"held-{i}": h.under for i, h in enumerate(scene.assembly.holds, start=1) if h.under}
     return Words(
         bodies=tuple(scene.bodies or ()),
         under={name: _under(table) for name, table in unders.items()},
         groups={f"loads.{load.name}": load.body for load in scene.loads or () if load.body},
         faces=faces,
-        struck=scene.strike.on if scene.strike else None,
+        keys={
+            selector: ".".join(path)
+            for selector in (*faces.values(), *([struck] if struck else ()))
+            if (path := next(paths_of(selector, tables), None))
+        },
+        struck=struck,
         ties=[TieWords(tie.between, tie.under and _under(tie.under)) for tie in scene.ties or ()],
         joints=joints,
     )
