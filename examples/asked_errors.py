@@ -1,37 +1,50 @@
-"""Check of meshes whose sizes follow from mesh.error, on structures made from a seed.
+"""Check of meshes whose sizes follow from mesh.error, on structures made from a seed and on STEP
+files.
 
 You will see, of each structure and each error asked: what ended the search, the unknowns, the error
 stated and the true one, both the largest of the frequencies of the first twelve elastic modes and
 of the static compliance at the contact, and the unknowns that mesh.scale alone takes for the same
-true error. Below stand, of hexahedra, of tetrahedra and of all,
+true error. Below stand, of hexahedra, of tetrahedra, of each kind of structure and of all,
 
     ratio = stated error / true error      of each frequency and compliance that is told apart
     share = unknowns / unknowns of mesh.scale alone at the same true error
 
-The structures are those of `mesh_errors.py` and plates on springs with a mass, boxes tied to a
-plate of small elements, and blind bores; every other one has tetrahedra.
+The structures are those of `mesh_errors.py`, plates on springs with a mass, boxes tied to a plate
+of small elements, thick tubes, boxes whose lids are screwed on by small washers, stepped shafts,
+brackets with a fillet and flanges; in a second round each has the other elements. A STEP file is of
+steel, floats, and its bodies are tied where they touch.
 
-True values are extrapolated from the mesh of the middle error asked, each element split in 8 and,
-where that is not too much, in 64. A true error below twice that of its limit is not counted.
+True values are extrapolated from the mesh of an error asked, each element split in 8 and, where
+that is not too much, in 64. Splitting keeps what elements make of curved faces: of structures that
+have some the limit is moved by the difference between a mesh of half the sizes and the split one. A
+true error below twice that of its limit is not counted.
 
 Run it: python examples/asked_errors.py            seed 0, 12 structures
         python examples/asked_errors.py 7 5        another seed, the first five
         python examples/asked_errors.py 7 5 3      of these those from number 3 on
+        python examples/asked_errors.py a.step b.step
+        ... --asked 0.02 --bound 100000 --even 0   one error, more unknowns, no even meshes
+        ... --to rows.jsonl                        appends to a file, without what it has already
 """
 
-import sys
-from contextlib import nullcontext
+import argparse
+import json
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import gmsh
 import numpy as np
 
 from beadwave import fem, geometry
 from beadwave.fem.modes.mac import RIGID
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
+from beadwave.workflows.stages.engine.progress import quiet
 from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import contact_of
@@ -46,6 +59,8 @@ from mesh_errors import (
     paired,
     plate,
     shapes,
+    t_profile,
+    tied,
     tube,
     u_profile,
 )
@@ -53,9 +68,10 @@ from mesh_errors import (
 ASKED = (0.05, 0.02, 0.005)  # mesh.error
 MIDDLE = 1  # of these, whose mesh is split for the limit, or an earlier one's if it is smaller
 BOUND = 40_000  # mesh.unknowns
-MOST_UNKNOWNS = 1.3e5  # of a mesh that is split
+MOST_UNKNOWNS = 2e5  # of a mesh that is split
 SCALES = (2.0, 1.4, 1.0, 0.7, 0.5)  # mesh.scale of even meshes
 N_GOALS = 12
+FLAT = 1e-6  # of a volume: what facets cut off bodies without curved faces
 
 Rng = np.random.Generator
 Tables = dict[str, Any]
@@ -106,20 +122,149 @@ def thick_tube(rng: Rng, folder: Path) -> Tables:
     }
 
 
+def screwed(rng: Rng, folder: Path) -> Tables:
+    """A box of thin walls, tied, whose lid four screws hold on small washers; it floats."""
+    a, b, h, t = rng.uniform([0.08, 0.05, 0.02, 2.5e-3], [0.14, 0.09, 0.035, 4e-3]).tolist()
+    x, y, z = (a - t) / 2, (b - t) / 2, t + h / 2
+    bodies = {
+        "floor": {"box": [a, b, t], "at": [0, 0, t / 2]},
+        "left": {"box": [t, b, h], "at": [-x, 0, z]},
+        "right": {"box": [t, b, h], "at": [x, 0, z]},
+        "front": {"box": [a - 2 * t, t, h], "at": [0, -y, z]},
+        "back": {"box": [a - 2 * t, t, h], "at": [0, y, z]},
+        "lid": {"box": [a, b, t], "at": [0, 0, t + h + t / 2]},
+    }
+    walls = ("left", "right", "front", "back")
+    pairs = [f"floor|{wall}" for wall in walls]
+    pairs += [f"{end}|{side}" for end in walls[:2] for side in walls[2:]]
+    y = 0.4 * b
+    return {
+        "bodies": bodies,
+        "assembly": {"held": [], "touching": "free"},
+        "ties": [{"between": pair} for pair in pairs],
+        "strike": {"on": "lid:+z", "at": [0.0, 0.0]},
+        "joints": [
+            {
+                "name": f"screws-{wall}", "between": f"lid|{wall}", "washer": 0.45 * t,
+                "at": [[sign * x, -y, t + h], [sign * x, y, t + h]],
+                "kz": float(10 ** rng.uniform(7.5, 8.5)),
+            }
+            for wall, sign in (("left", -1), ("right", 1))
+        ],
+    }  # fmt: skip
+
+
+def shaft(rng: Rng, folder: Path) -> Tables:
+    """From a STEP file: a shaft with a step that is rounded off, held at its thick end."""
+    r, thin, length = rng.uniform([0.012, 0.5, 0.06], [0.02, 0.75, 0.1]).tolist()
+    corner, fillet = 0.4 * length, 0.2 * r
+
+    def draw(occ: Any) -> None:
+        low = (3, occ.addCylinder(0, 0, 0, 0, 0, corner, r))
+        high = (3, occ.addCylinder(0, 0, corner, 0, 0, length - corner, thin * r))
+        ((_, tag),), _ = occ.fuse([low], [high])
+        occ.synchronize()
+        occ.fillet([tag], edges_within(thin * r, corner, corner), [fillet])
+
+    return {
+        "assembly": {"step": step_file(rng, folder, "shaft", draw), "held": ["body:-z"]},
+        "strike": {"on": "body:+z", "at": [0.0, 0.0], "radius": 1e-3},
+    }
+
+
+def rounded_bracket(rng: Rng, folder: Path) -> Tables:
+    """From a STEP file: a foot and a wall, the corner between them rounded off."""
+    a, b, t, w, h = rng.uniform(
+        [0.05, 0.025, 5e-3, 5e-3, 0.04], [0.08, 0.045, 9e-3, 9e-3, 0.07]
+    ).tolist()
+
+    def draw(occ: Any) -> None:
+        solids = [(3, occ.addBox(0, 0, 0, a, b, t)), (3, occ.addBox(0, 0, 0, w, b, h))]
+        ((_, tag),), _ = occ.fuse(solids[:1], solids[1:])
+        occ.synchronize()
+        occ.fillet([tag], edges_at(w, t), [rng.uniform(0.5, 1.0) * t])
+
+    return {
+        "assembly": {"step": step_file(rng, folder, "rounded", draw), "held": ["body:-z"]},
+        "strike": {"on": "body:-x", "at": [0.0, 0.0]},
+    }
+
+
+def flange(rng: Rng, folder: Path) -> Tables:
+    """From a STEP file: a round flange with bolt holes, at which it is held, and a pipe on it."""
+    r, t, length = rng.uniform([0.03, 5e-3, 0.03], [0.045, 9e-3, 0.06]).tolist()
+    pipe, bore, hole = 0.5 * r, 0.35 * r, 0.1 * r
+
+    def draw(occ: Any) -> None:
+        solids = [(3, occ.addCylinder(0, 0, 0, 0, 0, t, r))]
+        solids.append((3, occ.addCylinder(0, 0, t, 0, 0, length, pipe)))
+        (whole,), _ = occ.fuse(solids[:1], solids[1:])
+        drills = [(3, occ.addCylinder(0, 0, 0, 0, 0, t + length, bore))]
+        for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1)):
+            drills.append((3, occ.addCylinder(0.78 * r * x, 0.78 * r * y, 0, 0, 0, t, hole)))
+        occ.cut([whole], drills)
+
+    return {
+        "assembly": {"step": step_file(rng, folder, "flange", draw), "held": ["body:-z"]},
+        "strike": {"on": "body:+z", "at": [(pipe + bore) / 2, 0.0], "radius": 1e-3},
+    }
+
+
+def step_file(rng: Rng, folder: Path, name: str, draw: Any) -> str:
+    """The file of a part that is drawn with gmsh's kernel, lengths in m."""
+    path = folder / f"{name}-{rng.integers(10**9)}.step"
+    with session():
+        gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+        draw(gmsh.model.occ)
+        gmsh.model.occ.synchronize()
+        with silent():
+            gmsh.write(str(path))
+    return str(path)
+
+
+def edges_within(radius: float, low: float, high: float) -> list[int]:
+    """Circles of a radius about z, at heights from low to high."""
+    tags = []
+    for _, tag in gmsh.model.getEntities(1):
+        box = np.reshape(gmsh.model.getBoundingBox(1, tag), (2, 3))
+        if low - 1e-5 < box[0, 2] <= box[1, 2] < high + 1e-5:
+            tags += [tag] if abs(np.ptp(box[:, 0]) / 2 - radius) < 1e-5 else []
+    return tags
+
+
+def edges_at(x: float, z: float) -> list[int]:
+    """Edges along y at a place x, z."""
+    tags = []
+    for _, tag in gmsh.model.getEntities(1):
+        box = np.reshape(gmsh.model.getBoundingBox(1, tag), (2, 3))
+        if np.allclose(box[:, [0, 2]], [[x, z]] * 2, atol=1e-5):
+            tags.append(tag)
+    return tags
+
+
 KINDS = (
     box, bolted, sprung, tube, on_fine_plate, l_profile,
     plate, halves, bracket, thick_tube, u_profile,
+    screwed, shaft, tied, rounded_bracket, t_profile, flange,
 )  # fmt: skip
 
 
-def structure(seed: int, number: int, folder: Path) -> Scene:
-    """The structure of this number, every other one of tetrahedra."""
+def structure(seed: int, number: int, folder: Path, bound: int = BOUND) -> Scene:
+    """The structure of this number, every other one of tetrahedra, then the others."""
     kind, rng = KINDS[number % len(KINDS)], np.random.default_rng([seed, number])
     tables = kind(rng, folder)
     tables["assembly"] = {**tables["assembly"], "material": "steel"}
-    # eleven kinds in turn: the second time around each has the other elements
-    tables["mesh"] = {"element": "tet" if number % 2 else "hex", "unknowns": BOUND}
+    # an odd number of kinds: the second time around each has the other elements
+    element = "tet" if number % 2 else "hex"
+    tables["mesh"] = {"element": element, "error": ASKED[0], "unknowns": bound}
     return load_scene({**CHAIN, **tables, "name": f"{kind.__name__}-{number}"})
+
+
+def part(path: Path, bound: int = BOUND) -> Scene:
+    """The bodies of a STEP file, which float."""
+    table = {"step": str(path), "held": [], "touching": "tied", "material": "steel"}
+    mesh = {"element": "tet", "error": ASKED[0], "unknowns": bound}
+    return load_scene({"name": path.stem, "assembly": table, "mesh": mesh})
 
 
 class Goals(NamedTuple):
@@ -156,86 +301,115 @@ def errors(on_mesh: Goals, limit: tuple[np.ndarray, float], finest: Goals) -> np
 class Row(NamedTuple):
     """One error asked of one structure."""
 
+    name: str
+    kind: str
     element: str
     asked: float
     stated: float
-    true: float  # nan where the limit does not tell it
+    ended: str  # the bound that ended the search, or "met"
+    unknowns: list[int]  # of each mesh
     share: float  # unknowns over those of even meshes of the same true error
-    ratios: list[float]  # of numbers
+    # relative errors of the frequencies, and of the compliance last: nan of those that are not told
+    stated_of: list[float]
+    true_of: list[float]
+
+    @property
+    def true(self) -> float:
+        """The largest; nan if the limit does not tell it."""
+        return float(np.max(self.true_of, initial=0.0, where=np.isfinite(self.true_of))) or np.nan
+
+    @property
+    def ratios(self) -> np.ndarray:
+        ratio = np.array(self.stated_of) / np.array(self.true_of)
+        return ratio[np.isfinite(ratio)]
 
 
-def compared(scene: Scene) -> list[Row]:
-    held = [
-        pipeline_of(scene.but(mesh={"error": asked}), lambda name: nullcontext())
-        for asked in ASKED
-    ]  # fmt: skip
+def compared(
+    scene: Scene, kind: str = "", asked_errors: tuple[float, ...] = ASKED,
+    scales: tuple[float, ...] = SCALES,
+) -> Iterator[Row]:  # fmt: skip
+    held = [pipeline_of(scene.but(mesh={"error": asked}), quiet) for asked in asked_errors]
     coarse = held[0]("mesh")
     points = {b: m.p[:, :: max(1, m.nvertices // 150)].T for b, m in coarse.meshes.items()}
 
-    # the limit, and its own error
-    of_middle = next(
-        (
-            mesh
-            for pipeline in held[MIDDLE::-1]
-            if 8 * 3 * sum((mesh := pipeline("mesh")).nodes.values()) <= MOST_UNKNOWNS
-        ),
-        coarse,
+    # the limit, and its own error: from the finest mesh that can be split twice, or once
+    def unknowns(pipeline: Any) -> int:
+        return 3 * sum(pipeline("mesh").nodes.values())
+
+    middle = held[MIDDLE::-1]
+    coarser = (
+        pipeline_of(scene.but(mesh={"error": min(k * max(asked_errors), 0.8)}), quiet)
+        for k in (3, 10, 30)
     )
+    base = next(
+        chain(
+            (p for p in middle if 64 * unknowns(p) <= MOST_UNKNOWNS),
+            (p for p in chain(middle, coarser) if 8 * unknowns(p) <= MOST_UNKNOWNS),
+        ),
+        None,
+    )
+    if base is None:
+        print(f"{scene.name}: {unknowns(held[0])} unknowns are too many to be split")
+        return
+    of_base = base("mesh")
     split: list[Goals] = []
     for times in range(3):
-        if split and 6 * split[-1].unknowns > MOST_UNKNOWNS:
-            break
-        meshes = {name: geometry.refined(m, times) for name, m in of_middle.meshes.items()}
-        parts = of_middle._replace(meshes=meshes)
-        if times and 3 * sum(parts.nodes.values()) > MOST_UNKNOWNS:
+        meshes = {name: geometry.refined(m, times) for name, m in of_base.meshes.items()}
+        parts = of_base._replace(meshes=meshes)
+        if times > 1 and 3 * sum(parts.nodes.values()) > MOST_UNKNOWNS:
             break
         split.append(goals(scene, parts, points))
-    if len(split) < 2:
-        print(f"{scene.name}: {split[0].unknowns} unknowns are too many to be split")
-        return []
     finest = split[-1]
-    hz = [
-        m.hz[paired(finest.shapes[:, :N_GOALS], m.shapes, finest.hz[:N_GOALS], m.hz)] for m in split
-    ]
-    of_modes, own = extrapolated(np.array(hz))
+
+    def in_order(on_mesh: Goals) -> np.ndarray:
+        """Frequencies of the modes of the finest mesh."""
+        first = finest.shapes[:, :N_GOALS]
+        return on_mesh.hz[paired(first, on_mesh.shapes, finest.hz[:N_GOALS], on_mesh.hz)]
+
+    of_modes, own = extrapolated(np.array([in_order(m) for m in split]))
     (of_contact,), (own_contact,) = extrapolated(np.array([[m.compliance] for m in split]))
-    limit, own = (of_modes, of_contact), np.append(own / of_modes, own_contact / finest.whole)
+    own = np.append(own / of_modes, own_contact / finest.whole)
+    limit = np.append(of_modes, of_contact)
+
+    # what elements make of curved faces: a mesh of half the sizes beside the split one
+    if max(map(abs, of_base.chords.values())) > FLAT:
+        of_half = goals(scene, bodies.parts(scene, base("sizes").sizes, coarser=0.5), points)
+        moved = np.append(
+            in_order(of_half) / in_order(split[1]) - 1,
+            (of_half.compliance - split[1].compliance) / finest.whole,
+        )
+        limit = limit + moved * np.append(of_modes, finest.whole)
+        own = own + np.abs(moved) / 2
+    limit = limit[:-1], limit[-1]
 
     # even meshes: their largest true errors
     even = []
-    for scale in SCALES:
-        parts = bodies.parts(scene.but(mesh={"scale": scale}))
+    for scale in scales:
+        parts = bodies.parts(scene.but(mesh={"scale": scale, "error": None}))
         if 3 * sum(parts.nodes.values()) > BOUND:
             break
         on_mesh = goals(scene, parts, points)
         even.append((on_mesh.unknowns, np.nanmax(errors(on_mesh, limit, finest))))
 
-    rows = []
-    for pipeline, asked in zip(held, ASKED, strict=True):
+    for pipeline, asked in zip(held, asked_errors, strict=True):
         adapted, modes, missed = (pipeline(name) for name in ("sizes", "modes", "missed-energy"))
         on_mesh = goals(scene, pipeline("mesh"), points)
         true = errors(on_mesh, limit, finest)
         stated = np.full(len(true), np.nan)
         elastic = modes.omega > RIGID * modes.omega.max()
-        i = paired(finest.shapes[:, :N_GOALS], on_mesh.shapes, finest.hz[:N_GOALS], on_mesh.hz)
+        n = min(N_GOALS, len(finest.hz))
+        i = paired(finest.shapes[:, :n], on_mesh.shapes, finest.hz[:n], on_mesh.hz)
         stated[:-1] = missed.of_frequencies(modes.omega)[elastic][i]
         if missed.of_compliance is not None:
             stated[-1] = missed.of_compliance / on_mesh.whole
         told = np.isfinite(stated) & (true > 2 * own)
         worst = np.nanargmax(true)
-        largest = float(true[worst]) if told[worst] else np.nan
-        row = Row(
-            scene.mesh.element, asked, adapted.stated, largest,
-            on_mesh.unknowns / even_unknowns(even, largest), (stated[told] / true[told]).tolist(),
+        yield Row(
+            scene.name, kind or scene.name, scene.mesh.element, asked, adapted.stated,
+            adapted.bounded_by or "met", [m.unknowns for m in adapted.meshes],
+            on_mesh.unknowns / even_unknowns(even, true[worst] if told[worst] else np.nan),
+            np.where(told, stated, np.nan).tolist(), np.where(told, true, np.nan).tolist(),
         )  # fmt: skip
-        rows.append(row)
-        meshes = ", ".join(f"{m.unknowns}" for m in adapted.meshes)
-        print(
-            f"{scene.name:18} {row.element} asked {asked:5.1%} stated {row.stated:6.2%} "
-            f"true {row.true:6.2%} share {row.share:5.2f} {adapted.bounded_by or 'met':8} {meshes}",
-            flush=True,
-        )
-    return rows
 
 
 def even_unknowns(even: list[tuple[int, float]], error: float) -> float:
@@ -250,16 +424,61 @@ def even_unknowns(even: list[tuple[int, float]], error: float) -> float:
     return float(np.exp(start + slope * np.log(error))) if slope < 0 else np.nan
 
 
-def main(seed: int = 0, n: int = 12, first: int = 0) -> None:
-    rows: list[Row] = []
+def main(words: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("what", nargs="*", help="seed, number of structures, first; or STEP files")
+    parser.add_argument("--asked", type=float, nargs="+", default=ASKED)
+    parser.add_argument("--bound", type=int, default=BOUND)
+    parser.add_argument("--even", type=int, default=len(SCALES), help="number of even meshes")
+    parser.add_argument("--to", type=Path)
+    args = parser.parse_args(words)
+    rows = [] if args.to is None else rows_of(args.to)
+    done = {row.name for row in rows}
+
     with TemporaryDirectory() as folder:
-        for number in range(first, n):
+        if any(not word.isdigit() for word in args.what):
+            scenes = [
+                (lambda p=Path(p): part(p, args.bound), "part", Path(p).stem) for p in args.what
+            ]
+        else:
+            seed, n, first = [*map(int, args.what), *(0, 12, 0)[len(args.what) :]]
+            scenes = [
+                (lambda i=i: structure(seed, i, Path(folder), args.bound), kind, f"{kind}-{i}")
+                for i in range(first, n)
+                for kind in [KINDS[i % len(KINDS)].__name__]
+            ]
+        for made, kind, name in scenes:
+            if name in done:
+                continue
             try:
-                rows += compared(structure(seed, number, Path(folder)))
+                for row in compared(made(), kind, tuple(args.asked), SCALES[: args.even]):
+                    rows.append(row)
+                    print(line(row), flush=True)
+                    if args.to:
+                        with args.to.open("a") as file:
+                            print(json.dumps(row._asdict()), file=file)
             except ValueError as reason:  # as of a strike drawn next to its face
-                print(f"{number}: {reason}", flush=True)
-    for name, of in {"hexahedra": ("hex",), "tetrahedra": ("tet",), "all": ("hex", "tet")}.items():
-        print(f"{name:11} {summary([row for row in rows if row.element in of])}")
+                print(f"{name}: {reason}", flush=True)
+    groups = {"hexahedra": ("hex",), "tetrahedra": ("tet",), "all": ("hex", "tet")}
+    for kind in dict.fromkeys(row.kind for row in rows):
+        print(f"{kind:15} {summary([row for row in rows if row.kind == kind])}")
+    for name, of in groups.items():
+        print(f"{name:15} {summary([row for row in rows if row.element in of])}")
+
+
+def rows_of(path: Path) -> list[Row]:
+    """The rows of a file; none where it does not exist yet."""
+    if not path.exists():
+        return []
+    return [Row(**json.loads(text)) for text in path.read_text().splitlines()]
+
+
+def line(row: Row) -> str:
+    return (
+        f"{row.name:18} {row.element} asked {row.asked:5.1%} stated {row.stated:6.2%} "
+        f"true {row.true:6.2%} share {row.share:5.2f} {row.ended:8} "
+        f"{', '.join(map(str, row.unknowns))}"
+    )
 
 
 def summary(rows: list[Row]) -> str:
@@ -274,10 +493,10 @@ def summary(rows: list[Row]) -> str:
         f"{np.median(ratios):.2f} median, at least 0.9 of {np.mean(ratios >= 0.9):.1%}, 1 to 4 of "
         f"{np.mean((ratios >= 1) & (ratios <= 4)):.1%}; {len(whole)} meshes: "
         f"{whole.min():.2f} least, {np.median(whole):.2f} median, met by "
-        f"{np.mean([row.stated <= row.asked for row in rows]):.0%}; unknowns over even "
-        f"{np.median(share):.2f} median of {len(share)}"
+        f"{sum(row.stated <= row.asked for row in rows)} of {len(rows)}; unknowns over even "
+        + (f"{np.median(share):.2f} median of {len(share)}" if len(share) else "not compared")
     )
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

@@ -31,7 +31,7 @@ from scipy.spatial import KDTree
 
 from beadwave import dem, fem, geometry
 from beadwave.dem.waves.chain_waves import chain_waves
-from beadwave.geometry.meshing.gmsh_session import session
+from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.rom.contact_modes import KrylovOptions
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
@@ -176,7 +176,8 @@ def bracket(rng: Rng, folder: Path) -> Tables:
         drills = [(3, occ.addCylinder(0.7 * a, y * b, 0, 0, 0, t, 4.5e-3)) for y in (0.25, 0.75)]
         occ.cut([whole], drills)
         occ.synchronize()
-        gmsh.write(str(path))
+        with silent():
+            gmsh.write(str(path))
     return {
         "assembly": {"step": str(path), "held": ["body:-z"]},
         "strike": {"on": "body:-x", "at": [0.0, b / 2, h * rng.uniform(0.6, 0.85)]},

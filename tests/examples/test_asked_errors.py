@@ -1,5 +1,7 @@
 """The check of meshes that mesh.error leads to, on its smallest structure."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,14 +17,38 @@ def test_even_unknowns_follow_the_line_of_logarithms():
     assert np.isnan(asked_errors.even_unknowns(even, np.nan))
 
 
+def test_every_kind_is_drawn_in_both_elements(tmp_path):
+    n = len(asked_errors.KINDS)
+    for number, kind in enumerate(asked_errors.KINDS):
+        scenes = [asked_errors.structure(0, number + k, tmp_path) for k in (0, n)]
+        assert {scene.mesh.element for scene in scenes} == {"hex", "tet"}
+        assert scenes[0].name == f"{kind.__name__}-{number}"
+
+
 @pytest.mark.slow
 def test_a_thick_cantilever_has_the_error_asked_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(asked_errors, "ASKED", (0.05,))
-    monkeypatch.setattr(asked_errors, "MIDDLE", 0)
-    monkeypatch.setattr(asked_errors, "SCALES", (2.0, 1.4))
+    """Its row is kept in a file: a second call computes nothing."""
     monkeypatch.setattr(asked_errors, "MOST_UNKNOWNS", 3e4)
-    (row,) = asked_errors.compared(asked_errors.structure(0, 0, tmp_path))
+    path = tmp_path / "rows.jsonl"
+    words = ["0", "1", "--asked", "0.05", "--even", "2", "--to", str(path)]
+    asked_errors.main(words)
+    (row,) = asked_errors.rows_of(path)
     assert row.true < row.stated <= row.asked == 0.05
     assert len(row.ratios) > 3
     assert min(row.ratios) > 0.9
-    assert "met by 100%" in asked_errors.summary([row])
+    assert row.share < 1
+    assert "met by 1 of 1" in asked_errors.summary([row])
+    monkeypatch.setattr(asked_errors, "compared", lambda *a: pytest.fail("computed again"))
+    asked_errors.main(words)
+    assert len(asked_errors.rows_of(path)) == 1
+
+
+@pytest.mark.slow
+def test_a_step_file_floats_and_has_the_error_asked_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(asked_errors, "MOST_UNKNOWNS", 1e5)
+    bracket = asked_errors.bracket(np.random.default_rng(3), tmp_path)["assembly"]["step"]
+    scene = asked_errors.part(Path(bracket))
+    (row,) = asked_errors.compared(scene, "part", (0.05,), ())
+    assert row.true < row.stated <= 0.05
+    assert min(row.ratios) > 0.9
+    assert np.isnan(row.stated_of[-1])  # what floats has no static compliance

@@ -31,8 +31,8 @@ class AskedOfMesh(SceneTable):
     modes: Annotated[int, Field(ge=1, le=20)] = 12
     # with `error`: the mesh has so many unknowns at most
     unknowns: Annotated[int, Field(ge=1000, le=10_000_000)] = 300_000
-    # [m] with `error`: holes, roundings and faces that are smaller are left out of the mesh, but
-    # those that the scene names; what that changes is a part of the error
+    # [m] with `error`: holes, roundings, chamfers, slots and faces that are smaller are left out of
+    # the mesh, but those that the scene names; what that changes is a part of the error
     simplify: of(Positive, LENGTH, 1e-5, 0.1) | None = None
     # sizes of elements that a run with `error` has chosen, the sizes.npz of its folder
     sizes: FileName | None = None
