@@ -4,7 +4,9 @@
 
 prints how many state less than their true error, and the middle of stated over true. With a third
 argument of 1 the networks have friction, whose true errors are those beside a march by an eighth of
-the step: where contacts change from stick to slip DOP853 stops.
+the step: where contacts change from stick to slip DOP853 stops. With 2 they are chains on one
+structure whose last spheres rub by exact springs, beside an eighth of the step and four times the
+cells.
 """
 
 import sys
@@ -17,6 +19,7 @@ from beadwave.dem import space
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from packing_reference import random_network, reference
+from rows_reference import random_rubbing_rows
 
 DURATION, INSTANTS = 3e-4, 150  # s: some ten impacts
 
@@ -31,19 +34,27 @@ class Errors(NamedTuple):
     below: int  # spheres whose own stated error is less than the true one
 
 
-def errors_of(seed: int, error: float, rubs: bool) -> Errors:
-    """Errors of one network."""
-    packing, v0 = random_network(seed)
-    if rubs:
+def errors_of(seed: int, error: float, rubs: int) -> Errors:
+    """Errors of one network, with the friction that the third argument names."""
+    structure = None
+    if rubs == 2:
+        rows, structure = random_rubbing_rows(seed)
+        packing, v0 = rows.packing, rows.velocity
+    else:
+        packing, v0 = random_network(seed)
+    if rubs == 1:
         coefficients = np.random.default_rng(seed).uniform(0.05, 0.6, len(packing.A))
         packing = packing._replace(friction=coefficients)
     speed = np.linalg.norm(v0, axis=1).max()
     run = space.march_to_error(
-        packing, None, v0, duration=DURATION, error=error, n_save=INSTANTS
+        packing, structure, v0, duration=DURATION, error=error, n_save=INSTANTS
     )  # fmt: skip
     if rubs:
         finer = {"duration": DURATION, "dt": run.dt / 8.0, "n_save": INSTANTS}
-        v = space.march(packing, None, v0, **finer).velocity
+        if rubs == 2:
+            cells = packing.springs._replace(n_cells=1024)
+            packing = packing._replace(springs=cells)
+        v = space.march(packing, structure, v0, **finer).velocity
     else:
         _, v = reference(packing, None, v0, run.t, tolerance=1e-12, longest=4e-7)
     each = np.linalg.norm(run.velocity - v, axis=2).max(axis=0)
@@ -55,7 +66,7 @@ def errors_of(seed: int, error: float, rubs: bool) -> Errors:
     )  # fmt: skip
 
 
-def main(n: int = 300, first: int = 1000, rubs: bool = False) -> list[Errors]:
+def main(n: int = 300, first: int = 1000, rubs: int = 0) -> list[Errors]:
     """Print and return the errors of n networks."""
     found = []
     for seed in range(first, first + n):
@@ -75,4 +86,4 @@ def main(n: int = 300, first: int = 1000, rubs: bool = False) -> list[Errors]:
 
 if __name__ == "__main__":
     n, first, rubs = ([*map(int, sys.argv[1:])] + [300, 1000, 0][len(sys.argv) - 1 :])[:3]
-    main(n, first, bool(rubs))
+    main(n, first, rubs)

@@ -26,14 +26,16 @@ def structure_of(
     direction: ArrayLike,
     half_space: ArrayLike,
     *,
+    half_space_besides: ArrayLike | None = None,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
 ) -> Structure:
     """The structure of a reduced model whose coordinates the contacts' directions load by W (q, r);
     `point` (r,) is whose direction (r, 3) each is, from 0.
 
-    half_space (p, 2) [m/N], normal and tangential, is taken off each point. damping and cutoff_hz
-    as in `wall_from_reduced`. Raises CouplingError.
+    half_space (p, 2) [m/N], normal and tangential, is taken off each point, and half_space_besides
+    (p, 3, 3) what it has besides on a mesh, where contacts rub (`Structure.residual_besides`).
+    damping and cutoff_hz as in `wall_from_reduced`. Raises CouplingError.
     """
     omega, phi, _, D = modes_and_oscillators(reduced, np.asarray(W, float), cutoff_hz)
     zeta = damping_ratios(damping, omega) + matrix_ratios(D, omega)
@@ -44,21 +46,30 @@ def structure_of(
         np.asarray(point, np.int64),
         np.asarray(direction, float),
         -np.asarray(half_space, float),
+        None if half_space_besides is None else -np.asarray(half_space_besides, float),
     )
 
 
 def require_answer(packing: Packing, structure: Structure, velocity: ArrayLike) -> None:
-    """Raise CouplingError unless contact and structure in series answer every approach by one
-    force: 1/k + s > 0 up to the force of a contact that takes all energy of the fastest sphere, on
-    top of what presses it at rest."""
+    """Raise CouplingError unless contact and structure in series answer every approach, and every
+    way across where the contact rubs, by one force: 1/k + s > 0 up to the force of a contact that
+    takes all energy of the fastest sphere, on top of what presses it at rest."""
     speed = max(float(np.linalg.norm(velocity, axis=1).max(initial=0.0)), packing.fastest_drive)
     for c in np.flatnonzero(packing.pairs[:, 1] <= MOVING):
         energy = 0.5 * packing.mass.max() * speed**2
         deepest = (2.5 * energy / packing.A[c]) ** 0.4 + max(float(packing.overlap[c]), 0.0)
-        softness = 1.0 / (1.5 * packing.A[c] * np.sqrt(deepest)) if deepest else np.inf
-        s = float(structure.residual[MOVING - packing.pairs[c, 1], 0])
-        if softness + s <= 0.0:
-            raise CouplingError(
-                f"a contact of {softness:.3g} m/N at its largest force and a residual compliance "
-                f"of {s:.3g} m/N leave no unique force; enlarge the patch"
-            )
+        if deepest == 0.0:
+            continue
+        soft = [1.0 / (1.5 * packing.A[c] * np.sqrt(deepest))]
+        rubbing = packing.springs
+        if rubbing is not None and c in rubbing.contact:
+            modulus, _, radius = (x[rubbing.contact == c][0] for x in rubbing.law)
+            soft.append(1.0 / (2.0 * modulus * np.sqrt(radius * deepest)))
+        for softness, s in zip(
+            soft, structure.residual[MOVING - packing.pairs[c, 1]], strict=False
+        ):
+            if softness + s <= 0.0:
+                raise CouplingError(
+                    f"a contact of {softness:.3g} m/N at its largest force and a residual "
+                    f"compliance of {s:.3g} m/N leave no unique force; enlarge the patch"
+                )

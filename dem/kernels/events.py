@@ -220,7 +220,7 @@ def yield_contacts(
         g1, r1 = overlap(i, motion, chain.offset)
         top = peak(dt, g0, r0, g1, r1)
         if i == motion.x.size - 1:
-            top = plastic_indentation(top, chain.A, chain.residual, plastic)
+            top = plastic_indentation(i, top, chain.A, chain.residual, plastic)
         if top > plastic.top[i]:
             lost = plastic_loss(plastic.limit[i], plastic.top[i], chain.A[i])[0]
             now, plastic.coefficient[i], plastic.crater[i] = plastic_loss(

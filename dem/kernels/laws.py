@@ -479,9 +479,11 @@ def plastic_force(i: int, d: float, A: Array, plastic: Plastic) -> float:
 
 
 @fastmath
-def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: Plastic) -> float:
-    """delta [m] of  delta + s F(delta) = gap [m]  at the last contact, with a spring of the
-    compliance s `residual` [m/N] in series; A (n_contacts,).
+def plastic_indentation(
+    i: int, gap: float, A: Array, residual: float | None, plastic: Plastic
+) -> float:
+    """delta [m] of  delta + s F(delta) = gap [m]  at contact i, with a spring of the compliance s
+    `residual` [m/N] in series; A (n_contacts,).
 
     By bisection; of a negative s in closed form beyond the largest overlap so far. NaN where no
     force answers the gap, beyond the fold  1 + s k = 0  of a negative s. The flattened surface is
@@ -490,21 +492,20 @@ def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: P
     """
     if residual is None or gap <= 0.0:
         return larger(gap, 0.0)
-    last = A.size - 1
     low, high = 0.0, gap
 
     # s < 0: the overlap is more than the gap, which grows with it up to the fold of the Hertz law
     # or up to the top, and along the straight line behind that
     if residual < 0.0:
-        top = plastic.top[last]
-        reached = top + residual * plastic_force(last, top, A, plastic)
-        line = 1.0 + 1.5 * residual * A[last] * math.sqrt(plastic.limit[last])
+        top = plastic.top[i]
+        reached = top + residual * plastic_force(i, top, A, plastic)
+        line = 1.0 + 1.5 * residual * A[i] * math.sqrt(plastic.limit[i])
         if gap > reached and line > 0.0:
             return top + (gap - reached) / line
-        crater = plastic.crater[last]
-        root = -2.0 / (3.0 * residual * plastic.coefficient[last])
+        crater = plastic.crater[i]
+        root = -2.0 / (3.0 * residual * plastic.coefficient[i])
         high = smaller(crater + root * root, top)
-        if high + residual * plastic_force(last, high, A, plastic) < gap:
+        if high + residual * plastic_force(i, high, A, plastic) < gap:
             return math.nan
         # the way back from the top would leap to before the fold, and energy would be lost in it
         if high < top and crater > 0.0:
@@ -512,7 +513,7 @@ def plastic_indentation(gap: float, A: Array, residual: float | None, plastic: P
 
     for _ in range(100):
         d = 0.5 * (low + high)
-        if d + residual * plastic_force(last, d, A, plastic) > gap:
+        if d + residual * plastic_force(i, d, A, plastic) > gap:
             high = d
         else:
             low = d
@@ -621,7 +622,7 @@ def wall_force(
     last = motion.x.size - 1
     gap = motion.x[last] - motion.wall[U] - motion.wall[DASH] - offset
     if plastic is not None:
-        d = plastic_indentation(gap, A, residual, plastic)
+        d = plastic_indentation(last, gap, A, residual, plastic)
         return plastic_force(last, d, A, plastic)
     d = wall_indentation(last, gap, A, residual, shape)
     if mobility is not None:

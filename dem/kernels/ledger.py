@@ -63,7 +63,7 @@ def total_forces(
             force = elastic_force(i, d, A, shape)
             contact += stored_energy(i, d, force, A, shape)
         else:
-            d = gap if i < n - 1 else plastic_indentation(gap, A, residual, plastic)
+            d = gap if i < n - 1 else plastic_indentation(i, gap, A, residual, plastic)
             force = plastic_force(i, d, A, plastic)
             contact += 0.4 * force * (d - plastic.crater[i])
         if i == n - 1 and residual is not None:

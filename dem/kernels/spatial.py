@@ -31,7 +31,7 @@ from beadwave.dem.kernels.tangential import (
     SpringCells,
     SpringRow,
     TangentialLaw,
-    cells_within,
+    copy_cells,
 )
 
 # of `SavedSpatial.energy`: [J] in Hertz' contacts, in the tangential contact's springs, friction's
@@ -278,12 +278,7 @@ def copy_springs(
         for j in range(row.state.size):
             to_row.state[j] = row.state[j]
     if cells is not None:
-        # springs out of contact are at 0, in both
-        within = max(cells_within(cells, law), cells_within(to_cells, law))
-        for j in range(within):
-            to_cells.u[j, 0], to_cells.u[j, 1] = cells.u[j, 0], cells.u[j, 1]
-        for j in range(cells.state.size):
-            to_cells.state[j] = cells.state[j]
+        copy_cells(cells, to_cells, law)
 
 
 @ieee

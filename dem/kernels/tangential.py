@@ -359,6 +359,15 @@ def cells_within(cells: SpringCells, law: TangentialLaw) -> int:
     return min(math.ceil(edge / width), cells.u.shape[0]) if edge > 0.0 else 0
 
 
+@ieee
+def copy_cells(cells: SpringCells, to: SpringCells, law: TangentialLaw) -> None:
+    """The cells into others of as many; springs out of contact are at 0, in both."""
+    for j in range(max(cells_within(cells, law), cells_within(to, law))):
+        to.u[j, 0], to.u[j, 1] = cells.u[j, 0], cells.u[j, 1]
+    for j in range(cells.state.size):
+        to.state[j] = cells.state[j]
+
+
 @ieee_entry
 def cell_force(cells: SpringCells, law: TangentialLaw) -> tuple[float, float]:
     """`tangential_force` of the cells in both directions [N]: `integral` of each cell, with one

@@ -47,7 +47,7 @@ from beadwave.dem.space.packing import (
     plane_guides,
     validate,
 )
-from beadwave.dem.space.rows import Row, RowRun, Rows, row_runs, rows_of
+from beadwave.dem.space.rows import AcrossRun, Row, RowRun, Rows, row_runs, rows_of
 from beadwave.dem.space.statics import at_rest, resultants
 from beadwave.dem.space.structure import Structure, structure_of_wall
 
@@ -55,6 +55,7 @@ __all__ = [
     "AT_REST",
     "CLOSE",
     "MOVING",
+    "AcrossRun",
     "Lattice",
     "Packing",
     "Plane",

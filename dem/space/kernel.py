@@ -21,6 +21,9 @@ so that the energy T^2 / 2k falls by xi^2 / 2 |dk| either way, which is booked a
 law that kept T while k falls would make energy (R. D. Mindlin, H. Deresiewicz, J. Appl. Mech. 20
 (1953) 327; C. Thornton, S. J. Cummins, P. W. Cleary, Powder Technol. 233 (2013) 30).
 
+Where one contact is the question, as that of a chain with a structure, T is that of the springs of
+`dem.kernels.tangential` instead, exact under any history of a contact whose axes stay.
+
 A structure moves its points, where spheres lean on it, with its modes and along the directions that
 each point has:
 
@@ -28,7 +31,8 @@ each point has:
 
 S is what is in series with each contact alone: minus the half-space that Hertz' and Mindlin's laws
 hold already. What the points feel of each other is in the modes. The overlap d follows from
-d + s N(d) = gap, and the tangential stiffness is k / (1 + s_t k).
+d + s N(d) = gap, and the tangential stiffness is k / (1 + s_t k). Where springs take the place of
+increments S may couple the three directions, and overlap and way are found together.
 
 Forces are computed contact by contact, then summed sphere by sphere in a fixed order, both without
 rearranged arithmetic: how the work is shared out changes no bit of the result.
@@ -55,19 +59,33 @@ from beadwave.dem.kernels.laws import (
     damper_coefficient,
     elastic_force,
     elastic_indentation,
+    hertz_force,
     never_pulls,
     plastic_force,
+    plastic_indentation,
     plastic_loss,
     spring_share,
     stored_energy,
 )
 from beadwave.dem.kernels.numbers import larger
+from beadwave.dem.kernels.tangential import (
+    HEAT,
+    STICK,
+    SpringCells,
+    TangentialLaw,
+    cell_energy,
+    cell_force,
+    copy_cells,
+    slide_cells,
+)
 
 Numbers = NDArray[np.int64]
 
 # columns of the saved energies, in the order of `SpaceTrajectory`
 (KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, LEAF, WALL, RESIDUAL, IN_CONTACTS,
  IN_FRICTION, IN_WALL, OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(15)  # fmt: skip
+ITERATIONS = 60  # for the way of springs behind a compliance; some five are usual
+ROUNDING = 1e-12  # of that way, to which it is found
 
 
 class SpaceMotion(NamedTuple):
@@ -86,6 +104,7 @@ class SpaceMotion(NamedTuple):
     damper: Array  # (c, 3) [N] on the second sphere, with the dampers
     middle: Array  # (s, 3) [m/s] velocities inside of a kick with dampers
     change: Array  # (s, 3) [m/s] that such a kick makes
+    steady: Array  # (s, 3) [N] load and holding springs, where there are any
     point: Array  # (p, 3) [m] of the structure's points
     point_v: Array  # (p, 3) [m/s]
     middle_point: Array  # (p, 3) [m/s] inside of a kick with dampers
@@ -120,6 +139,38 @@ class Friction(NamedTuple):
     coefficient: Array  # (c,) mu
     stiffness: Array  # (c,) K [N/m^1.5] of k = K sqrt(d)
     residual: Array  # (c,) [m/N] in series with k
+
+
+class ContactSprings(NamedTuple):
+    """Exact tangential springs of m contacts, in cells (`dem.kernels.tangential`), with room for
+    the trials of their way behind a compliance."""
+
+    row: Numbers  # (c,) which of these a contact has, -1 for none
+    frame: Array  # (m, 2, 3) unit vectors across each contact
+    law: tuple[Array, Array, Array]  # (m,) each: modulus, bound and radius of `TangentialLaw`
+    residual: Array  # (m, 3, 3) [m/N] in series, along the normal and the frame
+    u: Array  # (m, n_cells + 1, 2) [m] of the cells
+    state: Array  # (m, 7)
+    trial_u: Array  # (m, n_cells + 1, 2) room
+    trial_state: Array  # (m, 7)
+    slip: Array  # (m, 2) [m] of the second over the first surface so far
+    rate: Array  # (m,) [m/s] of approach in the last drift
+    room: Array  # (m, 7, 3)
+
+
+class HoldingSprings(NamedTuple):
+    """m springs that hold spheres at their places at rest, each along a line."""
+
+    sphere: Numbers  # (m,)
+    line: Array  # (m, 3) [sqrt(N/m)] a unit vector times the root of the stiffness
+
+
+class Arms(NamedTuple):
+    """m springs against the turns of spheres."""
+
+    sphere: Numbers  # (m,)
+    stiffness: Array  # (m,) [N m/rad]
+    angle: Array  # (m, 3) [rad] so far
 
 
 class Guides(NamedTuple):
@@ -167,10 +218,13 @@ class Parts(NamedTuple):
     plastic: Plastic | None
     damping: Damping | None
     friction: Friction | None
+    springs: ContactSprings | None
+    turning: Array | None  # (s,) [1/(kg m^2)] inverse inertia, where spheres spin
     guides: Guides | None
-    load: Array | None  # (s, 3) [N]
+    load: Array | None  # (s, 3) [N]; there where springs hold spheres
     weight: Array | None  # (s, 3) [N], part of the load
-    leaf: Array | None  # (s,) [N/m] springs from the places at rest
+    held: HoldingSprings | None
+    arms: Arms | None
     modes: StructureModes | None
     drive: Drive | None
 
@@ -183,6 +237,9 @@ class SpaceSaved(NamedTuple):
     u: Array  # (k, n_spheres, 3) [m]
     v: Array  # (k, n_spheres, 3) [m/s]
     spin: Array  # (k, n_spheres, 3) [rad/s]; (k, 0, 3) without friction
+    slip: Array  # (k, m, 2) [m] of the first over the second surface, of exact springs
+    stick: Array  # (k, m) share of their contacts' area
+    rubbed: Array  # (k, m) [J] friction's heat in them so far
     force: Array  # (k, n_contacts) [N] along the line of centres, dampers included
     traction: Array  # (k, n_contacts, 3) [N] on the second sphere; (k, 0, 3) without friction
     wall: Array  # (k, 3, r) displacement [m], velocity [m/s], force [N] of the structure's points
@@ -222,11 +279,13 @@ def march(
                         held = kick
                         continue
                     push(kick, motion, arrays, parts, parts.damping, crew)
-                    push_spins(low, high, kick, motion, arrays, parts.friction, parts.guides)
+                    push_spins(low, high, kick, motion, arrays, parts.turning, parts.guides)
+                    turn_back(low, high, kick, motion, parts.turning, parts.arms)
                     if crew.worker == 0:
                         work_of_drive(kick, motion, arrays, parts.drive)
                 if drift != 0.0:
                     drift_spheres(low, high, drift, motion)
+                    turn_arms(low, high, drift, motion, parts.arms)
                     if crew.worker == 0:
                         drift_structure(i, motion, parts.modes)
                     drifted += drift
@@ -253,7 +312,10 @@ def press(
     """Forces of all contacts after a drift [s]."""
     low, high = share(arrays.A.size, crew)
     meet(crew)  # all spheres are there
-    contact_forces(low, high, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction)
+    contact_forces(
+        low, high, drifted, motion, arrays, parts.shape, parts.plastic, parts.damping,
+        parts.friction, parts.springs,
+    )  # fmt: skip
     meet(crew)  # all forces are
     for k in range(motion.point.shape[0] if crew.worker == 0 else 0):
         for axis in range(3):
@@ -266,13 +328,14 @@ def push(
     crew: Crew,
 ) -> None:  # fmt: skip
     """Impulse over `kick` [s] on spheres and wall, with the dampers where there are any."""
+    low, high = share(arrays.mass.size, crew)
+    load = steady_forces(low, high, motion.u, motion.steady, parts.load, parts.held)
     if damping is None:
-        low, high = share(arrays.mass.size, crew)
-        push_spheres(low, high, kick, motion, arrays, parts.guides, parts.load, parts.leaf)
+        push_spheres(low, high, kick, motion, arrays, parts.guides, load)
         if crew.worker == 0:
             push_structure(kick, motion, arrays, parts.modes)
     else:
-        push_damped(kick, motion, arrays, parts, parts.guides, parts.load, parts.leaf, parts.modes)
+        push_damped(kick, motion, arrays, parts, parts.guides, load, parts.modes)
 
 
 @contracted_inline
@@ -301,17 +364,20 @@ def in_series(
     c: int, gap: float, arrays: SpaceArrays, shape: ForceShape | None, plastic: Plastic | None
 ) -> float:
     """Overlap [m] of contact c where it shares the approach `gap` > 0 [m] with a spring; nan where
-    no force answers. Contacts that yield have none."""
+    no force answers."""
     s = arrays.residual[c]
-    if plastic is not None or s == 0.0:
+    if s == 0.0:
         return gap
+    if plastic is not None:
+        return plastic_indentation(c, gap, arrays.A, s, plastic)
     return elastic_indentation(c, gap, s, arrays.A, shape)
 
 
 @contracted
 def contact_forces(
     low: int, high: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays,
-    shape: ForceShape | None, plastic: Plastic | None, friction: Friction | None,
+    shape: ForceShape | None, plastic: Plastic | None, damping: Damping | None,
+    friction: Friction | None, springs: ContactSprings | None,
 ) -> None:  # fmt: skip
     """Forces of the contacts from `low` to `high` after a drift [s] with the velocities there are;
     those that are pressed deeper than ever yield."""
@@ -325,6 +391,10 @@ def contact_forces(
             force[c, 0], force[c, 1], force[c, 2] = 0.0, 0.0, 0.0
             if friction is not None:
                 open_contact(c, d, motion, friction)
+            if springs is not None and springs.row[c] >= 0:
+                unit = 1.0 / r
+                line = (unit * y0, unit * y1, unit * y2)
+                shear(c, drifted, d, d, line, motion, arrays, damping, springs)
             continue
         d = in_series(c, d, arrays, shape, plastic)
         if plastic is None:
@@ -338,6 +408,9 @@ def contact_forces(
         if friction is not None:
             line = (unit * y0, unit * y1, unit * y2, r)
             rub(c, drifted, d, pressed, line, motion, arrays, friction)
+        if springs is not None and springs.row[c] >= 0:
+            line, gap = (unit * y0, unit * y1, unit * y2), arrays.overlap[c] - rise
+            shear(c, drifted, gap, d, line, motion, arrays, damping, springs)
 
 
 @ieee_inline
@@ -479,6 +552,149 @@ def rub(
     motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
 
 
+@ieee
+def shear(
+    c: int, drifted: float, gap: float, d: float, line: tuple[float, float, float],
+    motion: SpaceMotion, arrays: SpaceArrays, damping: Damping | None, springs: ContactSprings,
+) -> None:  # fmt: skip
+    """Force of contact c after a drift [s] to the approach `gap` [m], below 0 of an open contact,
+    with the exact tangential force; d [m] is its overlap, which directions that the compliance in
+    series couples change. `line` is the unit vector between the centres.
+
+    Way and force are along the contact's axes at rest; the surfaces are at their distance from the
+    centres at rest. The pressure that bounds slip includes Hunt and Crossley's damper, at the rate
+    of approach that the last two drifts, of equal length, lead on to.
+    """
+    m, i, j = springs.row[c], arrays.first[c], arrays.second[c]
+    v, spin, frame, slip = motion.v, motion.spin, springs.frame[m], springs.slip[m]
+    e0, e1, e2 = line
+
+    # relative velocity of the centres, and turn of both surfaces
+    a, b = arrays.length[c] * arrays.share[c, 0], arrays.length[c] * arrays.share[c, 1]
+    w0, w1, w2 = 0.0 - v[i, 0], 0.0 - v[i, 1], 0.0 - v[i, 2]
+    s0, s1, s2 = a * spin[i, 0], a * spin[i, 1], a * spin[i, 2]
+    if j >= 0:
+        w0, w1, w2 = w0 + v[j, 0], w1 + v[j, 1], w2 + v[j, 2]
+        s0, s1, s2 = s0 + b * spin[j, 0], s1 + b * spin[j, 1], s2 + b * spin[j, 2]
+    elif j < -1 and drifted != 0.0:
+        # modes swing in a drift: the mean velocity of the point, not that at its end
+        k, now, before = -2 - j, motion.point, motion.pressed_point
+        unit = 1.0 / drifted
+        w0 += unit * (now[k, 0] - before[k, 0])
+        w1 += unit * (now[k, 1] - before[k, 1])
+        w2 += unit * (now[k, 2] - before[k, 2])
+    elif j < -1:
+        k = -2 - j
+        w0, w1, w2 = w0 + motion.point_v[k, 0], w1 + motion.point_v[k, 1], w2 + motion.point_v[k, 2]
+    approach = 0.0 - (w0 * e0 + w1 * e1 + w2 * e2)
+    w0, w1, w2 = w0 - (s1 * e2 - s2 * e1), w1 - (s2 * e0 - s0 * e2), w2 - (s0 * e1 - s1 * e0)
+    way1 = drifted * (w0 * frame[0, 0] + w1 * frame[0, 1] + w2 * frame[0, 2])
+    way2 = drifted * (w0 * frame[1, 0] + w1 * frame[1, 1] + w2 * frame[1, 2])
+
+    # total over elastic pressure
+    q = 1.0
+    if damping is not None:
+        rate = 1.5 * approach - 0.5 * springs.rate[m] if drifted != 0.0 else approach
+        springs.rate[m] = approach
+        k_n = 1.5 * arrays.A[c] * math.sqrt(larger(d, 0.0))
+        q = larger(1.0 + damping.gamma[c] * rate / (1.0 + arrays.residual[c] * k_n), 0.0)
+
+    modulus, bound, radius = springs.law
+    law = TangentialLaw(modulus[m], bound[m], radius[m], 0.0)
+    cells = SpringCells(springs.u[m], springs.state[m])
+    T = motion.traction
+    if arrays.residual[c] == 0.0 or gap <= 0.0:
+        slide_cells(cells, law, d, q, way1, way2)
+        slip[0] += way1
+        slip[1] += way2
+    else:
+        t1 = T[c, 0] * frame[0, 0] + T[c, 1] * frame[0, 1] + T[c, 2] * frame[0, 2]
+        t2 = T[c, 0] * frame[1, 0] + T[c, 1] * frame[1, 1] + T[c, 2] * frame[1, 2]
+        trial = SpringCells(springs.trial_u[m], springs.trial_state[m])
+        springs.room[m, 0, 0] = d
+        d = press_behind(
+            gap, q, (way1, way2), (t1, t2), hertz_force(larger(motion.depth[c], 0.0), arrays.A[c]),
+            arrays.A[c], springs.residual[m], law, cells, trial, springs.room[m], slip,
+        )  # fmt: skip
+    t1, t2 = cell_force(cells, law)
+    motion.heat[c], motion.depth[c] = cells.state[HEAT], d
+    pressed = hertz_force(larger(d, 0.0), arrays.A[c]) if d == d else math.nan
+    for axis in range(3):
+        T[c, axis] = t1 * frame[0, axis] + t2 * frame[1, axis]
+        motion.force[c, axis] = pressed * line[axis] - T[c, axis]
+    reach = arrays.length[c]
+    motion.moment[c, 0] = reach * (e1 * T[c, 2] - e2 * T[c, 1])
+    motion.moment[c, 1] = reach * (e2 * T[c, 0] - e0 * T[c, 2])
+    motion.moment[c, 2] = reach * (e0 * T[c, 1] - e1 * T[c, 0])
+
+
+@ieee
+def press_behind(
+    gap: float, q: float, way: tuple[float, float], T: tuple[float, float], before: float,
+    A: float, S: Array, law: TangentialLaw, cells: SpringCells, trial: SpringCells, room: Array,
+    slip: Array,
+) -> float:  # fmt: skip
+    """Move cells by what a compliance S (3, 3) [m/N] in series leaves of an approach `gap` and a
+    way of the surfaces [m], of a Hertz contact whose forces were `before` and T [N]: its overlap
+    [m], from the estimate room[0, 0] on; NaN where no forces answer. `slip` (2,) [m] goes on.
+
+    Broyden's method for overlap and ways of the surfaces, with the inverse of the tangent: that of
+    a contact that sticks, again after 15 steps (C. G. Broyden, Math. Comput. 19 (1965) 577).
+    """
+    x, off, last, step, H = room[0], room[1], room[2], room[3], room[4:7]
+    x[1], x[2] = way
+    for iteration in range(ITERATIONS):
+        copy_cells(cells, trial, law)
+        slide_cells(trial, law, x[0], q, x[1], x[2])
+        t1, t2 = cell_force(trial, law)
+        N = hertz_force(larger(x[0], 0.0), A)
+        change, c1, c2 = N - before, t1 - T[0], t2 - T[1]
+        for i in range(3):
+            last[i] = off[i]
+        off[0] = x[0] + S[0, 0] * N - S[0, 1] * t1 - S[0, 2] * t2 - gap
+        off[1] = x[1] - S[1, 0] * change + S[1, 1] * c1 + S[1, 2] * c2 - way[0]
+        off[2] = x[2] - S[2, 0] * change + S[2, 1] * c1 + S[2, 2] * c2 - way[1]
+        size = abs(x[0]) + abs(gap) + abs(way[0]) + abs(way[1])
+        if abs(off[0]) + abs(off[1]) + abs(off[2]) <= ROUNDING * size:
+            break
+        if iteration == ITERATIONS - 1 or not size <= 1e300:
+            x[0] = math.nan
+            break
+        if iteration % 15 == 0:
+            root = math.sqrt(larger(x[0], 0.0))
+            k_n, k_t = 1.5 * A * root, 2.0 * math.sqrt(law.radius) * root * law.modulus
+            for i in range(3):
+                for j in range(3):
+                    H[i, j] = 0.0
+                H[i, i] = 1.0 / (1.0 + S[i, i] * (k_n if i == 0 else k_t))
+        else:
+            # the inverse that leads the last step to the change of what is off: Sherman, Morrison
+            for i in range(3):
+                last[i] = off[i] - last[i]
+            scale = 0.0
+            for i in range(3):
+                scale += step[i] * (H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2])
+            if scale != 0.0:
+                s0, s1, s2 = (
+                    step[0] * H[0, 0] + step[1] * H[1, 0] + step[2] * H[2, 0],
+                    step[0] * H[0, 1] + step[1] * H[1, 1] + step[2] * H[2, 1],
+                    step[0] * H[0, 2] + step[1] * H[1, 2] + step[2] * H[2, 2],
+                )
+                for i in range(3):
+                    moved = H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2]
+                    missed = (step[i] - moved) / scale
+                    H[i, 0], H[i, 1], H[i, 2] = (
+                        H[i, 0] + missed * s0, H[i, 1] + missed * s1, H[i, 2] + missed * s2
+                    )  # fmt: skip
+        for i in range(3):
+            step[i] = 0.0 - (H[i, 0] * off[0] + H[i, 1] * off[1] + H[i, 2] * off[2])
+            x[i] += step[i]
+    copy_cells(trial, cells, law)
+    slip[0] += x[1]
+    slip[1] += x[2]
+    return x[0]
+
+
 @contracted
 def swept(
     T: tuple[float, float, float], way: tuple[float, float, float], before: float, bound: float,
@@ -515,10 +731,10 @@ def swept(
 @contracted
 def push_spheres(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
-    guides: Guides | None, load: Array | None, leaf: Array | None,
+    guides: Guides | None, load: Array | None,
 ) -> None:  # fmt: skip
-    """Impulse of contacts, load and leaf springs over `kick` [s] on the spheres from `low` to
-    `high`, each summed in the order of its contacts."""
+    """Impulse of contacts and load over `kick` [s] on the spheres from `low` to `high`, each summed
+    in the order of its contacts."""
     v, force = motion.v, motion.force
     for i in range(high):
         if i < low:
@@ -526,8 +742,6 @@ def push_spheres(
         f0, f1, f2 = 0.0, 0.0, 0.0
         if load is not None:
             f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
-        if leaf is not None:
-            f0, f1, f2 = drawn_back(i, f0, f1, f2, motion.u, leaf)
         for at in range(arrays.start[i], arrays.start[i + 1]):
             c = arrays.incident[at]
             if c >= 0:
@@ -546,12 +760,14 @@ def push_spheres(
 @contracted
 def push_spins(
     low: int, high: int, kick: float, motion: SpaceMotion, arrays: SpaceArrays,
-    friction: Friction | None, guides: Guides | None,
+    turning: Array | None, guides: Guides | None,
 ) -> None:  # fmt: skip
-    """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`; none
-    without friction."""
+    """Impulse of friction's moments over `kick` [s] on the spheres from `low` to `high`; none where
+    none spins."""
+    if turning is None:
+        return
     spin, moment = motion.spin, motion.moment
-    for i in range(high if friction is not None else 0):
+    for i in range(high):
         if i < low:
             continue
         m0, m1, m2 = 0.0, 0.0, 0.0
@@ -565,19 +781,56 @@ def push_spins(
             m2 += part * moment[c, 2]
         if guides is not None:
             m0, m1, m2 = projected(guides.turn, i, m0, m1, m2)
-        scale = kick / arrays.inertia[i]
+        scale = kick * turning[i]
         spin[i, 0] += scale * m0
         spin[i, 1] += scale * m1
         spin[i, 2] += scale * m2
 
 
-@contracted_inline
-def drawn_back(
-    i: int, f0: float, f1: float, f2: float, u: Array, leaf: Array
-) -> tuple[float, float, float]:
-    """The force [N] on sphere i with that of its leaf spring (s,) [N/m]."""
-    k = leaf[i]
-    return f0 - k * u[i, 0], f1 - k * u[i, 1], f2 - k * u[i, 2]
+@ieee_inline
+def steady_forces(
+    low: int, high: int, u: Array, steady: Array, load: Array | None, held: HoldingSprings | None
+) -> Array | None:
+    """Load and holding springs [N] on the spheres from `low` to `high`, displaced by u (s, 3) [m],
+    in `steady` (s, 3); the load itself without springs."""
+    if held is None:
+        return load
+    for i in range(low, high):
+        for axis in range(3):
+            steady[i, axis] = load[i, axis]
+    for m in range(held.sphere.size):
+        i, line = held.sphere[m], held.line[m]
+        if low <= i < high:
+            pull = line[0] * u[i, 0] + line[1] * u[i, 1] + line[2] * u[i, 2]
+            for axis in range(3):
+                steady[i, axis] -= pull * line[axis]
+    return steady
+
+
+@ieee_inline
+def turn_back(
+    low: int, high: int, kick: float, motion: SpaceMotion, turning: Array | None, arms: Arms | None
+) -> None:
+    """Impulse of the arms over `kick` [s] on the spins of the spheres from `low` to `high`."""
+    if arms is None:
+        return
+    for m in range(arms.sphere.size):
+        i = arms.sphere[m]
+        if low <= i < high:
+            for axis in range(3):
+                motion.spin[i, axis] -= kick * turning[i] * arms.stiffness[m] * arms.angle[m, axis]
+
+
+@ieee_inline
+def turn_arms(low: int, high: int, drift: float, motion: SpaceMotion, arms: Arms | None) -> None:
+    """Turns of the arms over `drift` [s]."""
+    if arms is None:
+        return
+    for m in range(arms.sphere.size):
+        i = arms.sphere[m]
+        if low <= i < high:
+            for axis in range(3):
+                arms.angle[m, axis] += drift * motion.spin[i, axis]
 
 
 @contracted_inline
@@ -741,16 +994,11 @@ def damper_force(
     """Damping force [N] of contact c with the velocities v (s, 3) of the spheres and w (p, 3) of
     the structure's points, its rate of approach [m/s], and the line of centres; 0 of an open
     contact."""
-    rise, y0, y1, y2, r = stretch(c, motion.u, motion.point, arrays)
-    d = arrays.overlap[c] - rise
+    _, y0, y1, y2, r = stretch(c, motion.u, motion.point, arrays)
     e0, e1, e2 = y0 / r, y1 / r, y2 / r
-    if d <= 0.0:
+    pressed = motion.force[c, 0] * e0 + motion.force[c, 1] * e1 + motion.force[c, 2] * e2
+    if pressed <= 0.0:
         return 0.0, 0.0, e0, e1, e2
-    d = in_series(c, d, arrays, shape, plastic)
-    if plastic is None:
-        pressed = elastic_force(c, d, arrays.A, shape)
-    else:
-        pressed = plastic_force(c, d, arrays.A, plastic)
     i, j = arrays.first[c], arrays.second[c]
     rate = v[i, 0] * e0 + v[i, 1] * e1 + v[i, 2] * e2
     if j >= 0:
@@ -770,7 +1018,7 @@ def damper_force(
 @ieee
 def push_damped(
     kick: float, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, guides: Guides | None,
-    load: Array | None, leaf: Array | None, modes: StructureModes | None,
+    load: Array | None, modes: StructureModes | None,
 ) -> None:  # fmt: skip
     """Kick [s] of contacts and dampers together at fixed positions, m v' = F + F_d(v), by the
     classical method of Runge and Kutta: F_d is linear in v where it is not cut, so that what is
@@ -803,8 +1051,6 @@ def push_damped(
             f0, f1, f2 = 0.0, 0.0, 0.0
             if load is not None:
                 f0, f1, f2 = load[i, 0], load[i, 1], load[i, 2]
-            if leaf is not None:
-                f0, f1, f2 = drawn_back(i, f0, f1, f2, motion.u, leaf)
             for at in range(arrays.start[i], arrays.start[i + 1]):
                 c = arrays.incident[at]
                 sign = -1.0
@@ -850,11 +1096,13 @@ def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: 
     energy = saved.energy[k]
     for e in range(TOTAL):
         energy[e] = 0.0
-    save_spheres(k, motion, arrays, saved, parts.friction, parts.load, parts.weight, parts.leaf)
+    save_spheres(k, motion, arrays, saved, parts.turning, parts.load, parts.weight)
+    save_held(k, motion, saved, parts.held, parts.arms)
     save_contacts(
-        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction
-    )
-    save_structure(k, motion, arrays, saved, parts.friction, parts.modes)
+        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction,
+        parts.springs,
+    )  # fmt: skip
+    save_structure(k, motion, arrays, saved, parts.turning, parts.modes)
     energy[OF_DRIVE] = drive_work(parts.drive)
     total = 0.0
     for e in range(OF_LOAD):
@@ -874,14 +1122,14 @@ def drive_work(drive: Drive | None) -> float:
 @ieee
 def save_structure(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
-    friction: Friction | None, modes: StructureModes | None,
+    turning: Array | None, modes: StructureModes | None,
 ) -> None:  # fmt: skip
     """Row k of the structure's points and modes, the forces on it, its energy and what its damping
     took."""
     if modes is None:
         return
     for c in range(arrays.n_pairs, arrays.A.size):
-        save_point_force(k, c, motion, arrays, saved, friction, modes)
+        save_point_force(k, c, motion, arrays, saved, turning, modes)
     q, p, static = modes.q, modes.p, modes.static
     swing = 0.0
     for j in range(q.size):
@@ -900,7 +1148,7 @@ def save_structure(
 @ieee
 def save_spheres(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
-    friction: Friction | None, load: Array | None, weight: Array | None, leaf: Array | None,
+    turning: Array | None, load: Array | None, weight: Array | None,
 ) -> None:  # fmt: skip
     """Row k of the spheres' states, their energies and the works of steady forces."""
     u, v, energy = motion.u, motion.v, saved.energy[k]
@@ -909,7 +1157,7 @@ def save_spheres(
         for axis in range(3):
             saved.u[k, at, axis] = u[i, axis]
             saved.v[k, at, axis] = v[i, axis]
-            if friction is not None:
+            if turning is not None:
                 saved.spin[k, at, axis] = motion.spin[i, axis]
     for i in range(arrays.mass.size):
         square, turn, work, heavy = 0.0, 0.0, 0.0, 0.0
@@ -920,8 +1168,6 @@ def save_spheres(
                 heavy += weight[i, axis] * u[i, axis]
             if load is not None:
                 work += load[i, axis] * u[i, axis]
-            if leaf is not None:
-                energy[LEAF] += 0.5 * leaf[i] * u[i, axis] * u[i, axis]
         energy[KINETIC] += 0.5 * arrays.mass[i] * square
         energy[ROTATION] += 0.5 * arrays.inertia[i] * turn
         energy[OF_WEIGHT] += heavy
@@ -929,9 +1175,27 @@ def save_spheres(
 
 
 @ieee
+def save_held(
+    k: int, motion: SpaceMotion, saved: SpaceSaved, held: HoldingSprings | None, arms: Arms | None
+) -> None:
+    """Row k of the energies of what holds spheres and their turns."""
+    if held is not None:
+        for m in range(held.sphere.size):
+            u, line = motion.u[held.sphere[m]], held.line[m]
+            pull = line[0] * u[0] + line[1] * u[1] + line[2] * u[2]
+            saved.energy[k, LEAF] += 0.5 * pull * pull
+    if arms is not None:
+        for m in range(arms.sphere.size):
+            for axis in range(3):
+                angle = arms.angle[m, axis]
+                saved.energy[k, LEAF] += 0.5 * arms.stiffness[m] * angle * angle
+
+
+@ieee
 def save_contacts(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
     plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
+    springs: ContactSprings | None,
 ) -> None:  # fmt: skip
     """Row k of the contacts' forces, their energies and losses."""
     v, energy, at = motion.v, saved.energy[k], 0
@@ -940,6 +1204,8 @@ def save_contacts(
         pressed, held = 0.0, 0.0
         if d > 0.0:
             d = in_series(c, d, arrays, shape, plastic)
+            if springs is not None and springs.row[c] >= 0:
+                d = motion.depth[c]
             if plastic is None:
                 pressed = elastic_force(c, d, arrays.A, shape)
                 held = stored_energy(c, d, pressed, arrays.A, shape)
@@ -956,21 +1222,44 @@ def save_contacts(
             T = motion.traction
             square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
             energy[TANGENTIAL] += 0.5 * square * shear_stiffness(c, d, friction)[1]
+        if springs is not None and springs.row[c] >= 0:
+            save_springs(
+                k, c, elastic_force(c, larger(d, 0.0), arrays.A, shape), motion, saved, springs
+            )
         motion.damper[c, 0] = pressed  # room: for the forces on the structure
         energy[IN_CONTACTS] += motion.lost[c]
         energy[IN_FRICTION] += motion.heat[c]
         if at < saved.contacts.size and saved.contacts[at] == c:
             saved.force[k, at] = pressed
-            if friction is not None:
-                for axis in range(3):
-                    saved.traction[k, at, axis] = -motion.traction[c, axis]
+            for axis in range(3 if friction is not None or springs is not None else 0):
+                saved.traction[k, at, axis] = -motion.traction[c, axis]
             at += 1
+
+
+@ieee
+def save_springs(
+    k: int, c: int, pressed: float, motion: SpaceMotion, saved: SpaceSaved, springs: ContactSprings
+) -> None:
+    """Row k of the exact springs of contact c under `pressed` [N]: slip, share of the area that
+    sticks, heat, energy of the springs and of what tangential forces do in the compliance."""
+    m, T, frame = springs.row[c], motion.traction[c], springs.frame[springs.row[c]]
+    modulus, bound, radius = springs.law
+    law = TangentialLaw(modulus[m], bound[m], radius[m], 0.0)
+    saved.energy[k, TANGENTIAL] += cell_energy(SpringCells(springs.u[m], springs.state[m]), law)
+    S = springs.residual[m]
+    t1 = 0.0 - (T[0] * frame[0, 0] + T[1] * frame[0, 1] + T[2] * frame[0, 2])
+    t2 = 0.0 - (T[0] * frame[1, 0] + T[1] * frame[1, 1] + T[2] * frame[1, 2])
+    saved.energy[k, RESIDUAL] += pressed * (S[0, 1] * t1 + S[0, 2] * t2) + S[1, 2] * t1 * t2
+    saved.energy[k, RESIDUAL] += 0.5 * (S[1, 1] * t1 * t1 + S[2, 2] * t2 * t2)
+    saved.stick[k, m], saved.rubbed[k, m] = springs.state[m, STICK], motion.heat[c]
+    for axis in range(2):
+        saved.slip[k, m, axis] = 0.0 - springs.slip[m, axis]  # of the first over the second
 
 
 @ieee
 def save_point_force(
     k: int, c: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
-    friction: Friction | None, modes: StructureModes,
+    turning: Array | None, modes: StructureModes,
 ) -> None:  # fmt: skip
     """The force of contact c, whose normal part `save_contacts` has left, added to row k of its
     point's."""
@@ -980,6 +1269,6 @@ def save_point_force(
     for r in range(modes.start[point], modes.start[point + 1]):
         for axis in range(3):
             force = motion.damper[c, 0] * arrays.arm[c, axis]
-            if friction is not None:
+            if turning is not None:
                 force -= motion.traction[c, axis]
             saved.wall[k, 2, r] += force * modes.direction[r, axis]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from beadwave.dem.checks import InvalidChain, require, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.laws import DAMPING_LAWS
-from beadwave.dem.space.kernel import Drive, Guides, Numbers
+from beadwave.dem.space.kernel import Arms, Drive, Guides, HoldingSprings, Numbers
 from beadwave.dem.spheres import (
     hertz_coefficient,
     mass,
@@ -37,6 +37,16 @@ class Plane(NamedTuple):
     point: ArrayLike | None = None
 
 
+class RubbingContacts(NamedTuple):
+    """m contacts whose tangential force is that of exact springs in two directions."""
+
+    contact: Numbers  # (m,) which they are
+    frame: Array  # (m, 2, 3) unit vectors across each
+    law: tuple[Array, Array, Array]  # (m,) each: modulus, bound and radius of `TangentialLaw`
+    # of the first division of the contact's area, see `coupling.spatial_march.SpatialSearch`
+    n_cells: int = 256
+
+
 class Packing(NamedTuple):
     """s spheres and c contacts, those of two spheres first; parts that are absent are None.
 
@@ -54,19 +64,23 @@ class Packing(NamedTuple):
     A: Array  # (c,) [N/m^1.5]
     shear: Array  # (c,) [N/m^1.5] K of Mindlin's tangential stiffness K sqrt(overlap)
     friction: Array | None = None  # (c,) coefficients; with it spheres spin
+    springs: RubbingContacts | None = None  # in place of it; with these spheres spin
     dissipation: str = "none"
     gamma: Array | None = None  # (c,)
     yield_overlap: Array | None = None  # (c,) [m]
     guides: Guides | None = None
     load: Array | None = None  # (s, 3) [N]
     weight: Array | None = None  # (s, 3) [N], part of the load
-    leaf: Array | None = None  # (s,) [N/m] springs of the spheres from their places at rest
+    held: HoldingSprings | None = None  # springs of the spheres from their places at rest
+    arms: Arms | None = None  # springs against their turns
+    added_inertia: Array | None = None  # (s,) [kg m^2] of what turns with them
     driven: Drive | None = None  # spheres whose motion is given
 
     @property
     def inertia(self) -> Array:
-        """(s,) [kg m^2] of solid spheres."""
-        return 0.4 * self.mass * self.radius**2
+        """(s,) [kg m^2] of solid spheres and what turns with them."""
+        solid = 0.4 * self.mass * self.radius**2
+        return solid if self.added_inertia is None else solid + self.added_inertia
 
     @property
     def relative_radius(self) -> Array:
@@ -94,6 +108,11 @@ class Packing(NamedTuple):
     def rubs(self) -> bool:
         """True if any contact has friction."""
         return self.friction is not None and bool(np.any(self.friction))
+
+    @property
+    def spins(self) -> bool:
+        """True if anything turns spheres."""
+        return self.rubs or self.springs is not None
 
     @property
     def jumps(self) -> bool:
@@ -193,8 +212,18 @@ def validate(packing: Packing, v0: ArrayLike) -> Array:
         vector("friction", packing.friction, c, at_least=0.0)
     if packing.yield_overlap is not None:
         vector("yield_overlap", packing.yield_overlap, c, positive=True)
-    if packing.leaf is not None:
-        vector("leaf", packing.leaf, s, at_least=0.0)
+    if packing.springs is not None:
+        require(
+            packing.friction is None,
+            "contacts rub by springs or by Mindlin's increments; give springs or friction",
+        )
+        require(
+            packing.dissipation in ("none", "hunt-crossley"),
+            "contacts that rub by springs are elastic or damped by hunt-crossley; take one of them",
+        )
+        require(
+            packing.yield_overlap is None, "contacts that rub by springs are elastic; drop yield"
+        )
     return v0
 
 

@@ -1,7 +1,8 @@
 """Rows of spheres that lean on points of one structure: chains in space, coupled through it.
 
-Each row moves along its direction alone, into the structure. A first sphere that comes later than
-the others' stands farther off by what it flies until then.
+Each row moves along its direction, into the structure; with friction its last sphere moves across
+it too, and turns (`dem.lateral`). A first sphere that comes later than the others' stands farther
+off by what it flies until then.
 """
 
 from collections.abc import Sequence
@@ -12,11 +13,13 @@ import numpy as np
 from beadwave.dem.chain import Chain
 from beadwave.dem.checks import InvalidChain, require
 from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.kernels.tangential import TangentialLaw
+from beadwave.dem.lateral import LastSphere, checked_last_sphere, require_hertz
 from beadwave.dem.prepared import prepare
-from beadwave.dem.space.kernel import Numbers
+from beadwave.dem.space.kernel import Arms, Guides, HoldingSprings, Numbers
 from beadwave.dem.space.march import SpaceTrajectory
-from beadwave.dem.space.packing import MOVING, Packing, line_guides
-from beadwave.dem.space.structure import Structure
+from beadwave.dem.space.packing import MOVING, Packing, RubbingContacts, line_guides
+from beadwave.dem.space.structure import Structure, residual_matrices
 from beadwave.dem.statics import NoEquilibrium
 from beadwave.dem.walls import Wall
 
@@ -30,6 +33,7 @@ class Row(NamedTuple):
     direction: Array  # (3,) into the structure
     delay: float = 0.0  # [s] after which the first sphere arrives at the second
     name: str = "row"  # by which refusals call it
+    last: LastSphere | None = None  # its motion across; None: no friction, it stays on the line
 
 
 class Rows(NamedTuple):
@@ -43,6 +47,20 @@ class Rows(NamedTuple):
     contact: Numbers  # (s,) the contact behind each sphere, at the structure of the last of a row
 
 
+class AcrossRun(NamedTuple):
+    """The last sphere of a row across it, with fields of `dem.lateral.LateralTrajectory`: along t1
+    and t2, the further directions of its point."""
+
+    sphere_t: Array  # (k, 2) [m] displacement of the centre
+    sphere_t_v: Array  # (k, 2) [m/s]
+    sphere_spin: Array  # (k, 2) [rad/s] about t1, t2
+    friction_force: Array  # (k, 2) [N] on the structure
+    slip: Array  # (k, 2) [m] of the sphere's surface relative to the structure's
+    stick_share: Array  # (k,) of the contact's area; 0 while it is open
+    wall_t: Array  # (k, 2) [m] displacement of the point
+    dissipated_friction: Array  # (k,) [J]
+
+
 class RowRun(NamedTuple):
     """One row of a march, as a `dem.Trajectory` has it; k saves of n spheres."""
 
@@ -52,12 +70,13 @@ class RowRun(NamedTuple):
     contact_force: Array  # (k, n) [N]
     wall_x: Array  # (k,) [m] of its point from rest
     wall_v: Array  # (k,) [m/s]
+    across: AcrossRun | None = None  # of a row with friction
 
 
 def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     """Rows before they are struck; row i leans on point i of the structure, along its first
-    direction. Raises InvalidChain for chains of laws that are not marched here, NoEquilibrium for
-    a preload that nothing holds."""
+    direction, and rubs along the two others. Raises InvalidChain for chains of laws that are not
+    marched here, NoEquilibrium for a preload that nothing holds."""
     parts = []
     for i, row in enumerate(rows):
         try:
@@ -88,16 +107,82 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     fields = {}
     if laws:
         fields = {"dissipation": laws.pop(), "gamma": joined["gamma"][order]}
-    if joined["leaf"].any():
-        fields["leaf"] = joined["leaf"]
+    if np.isfinite(joined["yield_overlap"]).any():  # no contact is pressed by a metre
+        fields["yield_overlap"] = np.minimum(joined["yield_overlap"], 1.0)[order]
     load, weight = (joined[name][:, None] * direction for name in ("load", "weight"))
+    velocity = joined["velocity"][:, None] * direction
+    springs = [(i, np.sqrt(joined["leaf"][i]) * direction[i])
+               for i in np.flatnonzero(joined["leaf"])]  # fmt: skip
+    across = _across(rows, structure, joined["mass"], joined["radius"], contact, springs, velocity)
     packing = Packing(
         rest, joined["radius"], joined["mass"], np.column_stack([order, second]), inner.size, arm,
-        joined["overlap"][order], joined["A"][order], np.zeros(n), guides=line_guides(direction),
+        joined["overlap"][order], joined["A"][order], np.zeros(n),
         load=load if load.any() else None, weight=weight if weight.any() else None, **fields,
+        **({"guides": line_guides(direction)} | across),
     )  # fmt: skip
-    velocity = joined["velocity"][:, None] * direction
+    if springs:
+        sphere, line = zip(*springs, strict=True)
+        packing = packing._replace(held=HoldingSprings(np.array(sphere), np.array(line)))
     return Rows(packing, velocity, of_row, direction, joined["start"], contact)
+
+
+def _across(
+    rows: Sequence[Row], structure: Structure, mass: Array, radius: Array, contact: Numbers,
+    springs: list[tuple[int, Array]], velocity: Array,
+) -> dict[str, Guides | RubbingContacts | Arms | Array]:  # fmt: skip
+    """Fields of the packing for last spheres that move across their rows; adds the springs of their
+    arms and their velocities."""
+    if all(row.last is None for row in rows):
+        return {}
+    counts = [len(row.chain.mass) for row in rows]
+    along = np.array([row.direction / np.linalg.norm(row.direction) for row in rows])
+    guides = line_guides(np.repeat(along, counts, axis=0))
+    added, rubbing, arms = np.zeros(len(mass)), [], []
+    for i, (row, end) in enumerate(zip(rows, np.cumsum(counts) - 1, strict=True)):
+        last = row.last
+        if last is None:
+            continue
+        frame = structure.direction[structure.point == i][1:]
+        require(
+            len(frame) == 2,
+            f"{row.name}: friction takes three directions of the structure at its point",
+        )
+        try:
+            require_hertz(row.chain)
+            across, stiffness = checked_last_sphere(last)
+            require(
+                last.before is None or counts[i] > 1,
+                "friction between spheres takes a chain of two or more; drop it, or add spheres",
+            )
+        except InvalidChain as error:
+            raise InvalidChain(f"{row.name}: {error}") from None
+        velocity[end] += across @ frame
+        added[end] = last.inertia - 0.4 * mass[end] * radius[end] ** 2
+        for k, t in zip(stiffness, frame, strict=True):
+            if np.isfinite(k):
+                guides.motion[end] += np.outer(t, t)
+                if k > 0.0:
+                    springs.append((end, np.sqrt(k) * t))
+        if np.isfinite(last.arm_rotation):
+            guides.turn[end] = frame.T @ frame
+            if last.arm_rotation > 0.0:
+                arms.append((end, last.arm_rotation))
+        rubbing.append((contact[end], frame, last.law))
+        if last.before is not None:
+            rubbing.append((contact[end - 1], frame, last.before))
+
+    where, frames, laws = zip(*rubbing, strict=True)
+    of_laws = tuple(np.array([getattr(law, name) for law in laws])
+                    for name in TangentialLaw._fields[:3])  # fmt: skip
+    fields = {
+        "guides": guides,
+        "springs": RubbingContacts(np.array(where), np.array(frames), of_laws),
+        "added_inertia": added,
+    }
+    if arms:
+        sphere, stiffness = zip(*arms, strict=True)
+        fields["arms"] = Arms(np.array(sphere), np.array(stiffness), np.zeros((len(arms), 3)))
+    return fields
 
 
 def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
@@ -106,7 +191,6 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
     require(len(chain.A) == n, "a row leans on a structure; give its last contact")
     for name, given in {
         "a law other than Hertz'": chain.exponent is not None or chain.table is not None,
-        "yield": chain.yield_overlap is not None,
         "friction of guides": chain.slides,
     }.items():
         if given:
@@ -154,6 +238,7 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
         "A": np.asarray(chain.A, float),
         "gamma": np.broadcast_to(0.0 if chain.gamma is None else chain.gamma, n),
         "leaf": chain.springs[0],
+        "yield_overlap": np.full(n, np.inf) if chain.yield_overlap is None else chain.yield_overlap,
         "load": np.zeros(n) if load is None else load,
         "weight": chain.gravity * mass,
         "overlap": overlap,
@@ -171,5 +256,31 @@ def row_runs(rows: Rows, structure: Structure, march: SpaceTrajectory) -> tuple[
     for i in range(rows.row[-1] + 1):
         of_row, direction = rows.row == i, np.flatnonzero(structure.point == i)[0]
         of_wall = march.wall_x[:, direction], march.wall_v[:, direction]
-        runs.append(RowRun(march.t, x[:, of_row], v[:, of_row], force[:, of_row], *of_wall))
+        across = _across_run(rows, structure, march, i)
+        runs.append(RowRun(march.t, x[:, of_row], v[:, of_row], force[:, of_row], *of_wall, across))
     return tuple(runs)
+
+
+def _across_run(
+    rows: Rows, structure: Structure, march: SpaceTrajectory, i: int
+) -> AcrossRun | None:
+    """The last sphere of row i across it; None without friction."""
+    last = np.flatnonzero(rows.row == i)[-1]
+    contact, rubbing = rows.contact[last], rows.packing.springs
+    if rubbing is None or contact not in rubbing.contact:
+        return None
+    m = int(np.flatnonzero(rubbing.contact == contact)[0])
+    frame, tangents = rubbing.frame[m], np.flatnonzero(structure.point == i)[1:]
+    friction = march.pair_friction[:, contact] @ frame.T
+    force = np.column_stack([march.wall_force[:, tangents[0] - 1], friction])
+    S = residual_matrices(rows.packing, structure, np.array([contact]))[0]
+    return AcrossRun(
+        sphere_t=march.displacement[:, last] @ frame.T,
+        sphere_t_v=march.velocity[:, last] @ frame.T,
+        sphere_spin=march.angular_velocity[:, last] @ frame.T,
+        friction_force=friction,
+        slip=march.slip[:, m],
+        stick_share=march.stick_share[:, m],
+        wall_t=march.wall_x[:, tangents] + (force - force[0]) @ S[:, 1:],
+        dissipated_friction=march.friction_heat[:, m],
+    )

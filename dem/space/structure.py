@@ -3,8 +3,8 @@
     q'' + 2 zeta omega q' + omega^2 q = Phi F,    U = Phi^T q + S F
 
 Each point moves along its directions, one or more rows of Phi. What points feel of each other, the
-static response included, is in the modes; S is diagonal and in series with each contact: minus the
-half-space that Hertz' law holds along the normal, and Mindlin's across it.
+static response included, is in the modes; S is in series with each contact: minus the half-space
+that Hertz' law holds along the normal, and Mindlin's across it.
 """
 
 from typing import NamedTuple
@@ -28,6 +28,9 @@ class Structure(NamedTuple):
     point: Numbers  # (r,) whose direction it is, from 0, ascending
     direction: Array  # (r, 3) unit vectors, those of a point orthogonal
     residual: Array  # (p, 2) [m/N] in series with the contact at a point, normal and tangential
+    # (p, 3, 3) [m/N] what S has besides at points with three directions whose contacts rub by exact
+    # springs: of a half-space on a mesh, whose directions the mesh couples
+    residual_besides: Array | None = None
 
     @property
     def n_points(self) -> int:
@@ -66,15 +69,12 @@ def structure_behind(packing: Packing, wall: Wall | Structure | None) -> Structu
     vector("zeta of the structure", wall.zeta, k, at_least=0.0)
     vector("phi of the structure", wall.phi.ravel(), r * k)
     vector("residual of the structure", wall.residual.ravel(), 2 * wall.n_points)
+    if wall.residual_besides is not None:
+        vector("residual of the structure", wall.residual_besides.ravel(), 9 * wall.n_points)
     if leaning.any() and MOVING - packing.pairs[:, 1].min() >= wall.n_points:
         raise InvalidChain(
             f"spheres touch the point {MOVING - packing.pairs[:, 1].min()} of a structure that has "
             f"{wall.n_points}, counted from 0"
-        )
-    if packing.yield_overlap is not None and np.any(wall.residual):
-        raise InvalidChain(
-            "contacts that yield are not marched with a residual compliance in series; leave out "
-            "yield_overlap"
         )
     return wall
 
@@ -87,6 +87,19 @@ def residuals(packing: Packing, structure: Structure | None) -> Array:
         leaning = second <= MOVING
         of_contacts[:, leaning] = structure.residual[MOVING - second[leaning]].T
     return of_contacts
+
+
+def residual_matrices(packing: Packing, structure: Structure | None, contacts: Numbers) -> Array:
+    """(m, 3, 3) [m/N] in series with these contacts, along the normal and the two directions across
+    it of their points; 0 of two spheres."""
+    normal, tangential = residuals(packing, structure)[:, contacts]
+    S = np.zeros((len(contacts), 3, 3))
+    S[:, 0, 0], S[:, 1, 1], S[:, 2, 2] = normal, tangential, tangential
+    if structure is not None and structure.residual_besides is not None:
+        second = packing.pairs[contacts, 1]
+        leaning = second <= MOVING
+        S[leaning] += structure.residual_besides[MOVING - second[leaning]]
+    return S
 
 
 def rest_forces(packing: Packing, structure: Structure) -> Array:

@@ -113,10 +113,10 @@ def test_a_yielding_contact_loses_the_area_between_loading_and_unloading(top):
 @pytest.mark.parametrize("gap", [0.03, 0.12, 0.5])
 def test_a_yielding_contact_and_a_spring_in_series_make_up_the_gap(s, gap):
     contact, As = plastic([0.3, 0.11]), np.array([9.0, A])
-    d = laws.plastic_indentation(gap, As, s, contact)
+    d = laws.plastic_indentation(len(As) - 1, gap, As, s, contact)
     assert abs(d + s * laws.plastic_force(1, d, As, contact) - gap) < 4e-16
-    assert laws.plastic_indentation(gap, As, None, contact) == gap
-    assert laws.plastic_indentation(-gap, As, s, contact) == 0.0
+    assert laws.plastic_indentation(len(As) - 1, gap, As, None, contact) == gap
+    assert laws.plastic_indentation(len(As) - 1, -gap, As, s, contact) == 0.0
 
 
 @pytest.mark.parametrize("softness", [0.3, 0.6, 0.95])
@@ -128,7 +128,7 @@ def test_a_negative_spring_finds_overlaps_of_many_times_the_gap(softness, d):
     gap = d + s * loading(d)
     # rounding of the gap, over the slope 1 - softness of the gap in the overlap
     slack = 8e-16 * d / (1.0 - softness)
-    assert abs(laws.plastic_indentation(gap, As, s, contact) - d) <= slack
+    assert abs(laws.plastic_indentation(len(As) - 1, gap, As, s, contact) - d) <= slack
 
 
 @pytest.mark.parametrize(("s", "top", "gap"), [(-1.2, 0.1, 0.04), (-0.9, 0.3, 0.05)])
@@ -136,7 +136,7 @@ def test_no_force_answers_a_yielding_contact_beyond_a_fold(s, top, gap):
     """The first surface before it yields, or the flattened one on its way back from the top."""
     contact, As = plastic([top]), np.array([A])
     s /= 1.5 * A * math.sqrt(0.1)
-    assert math.isnan(laws.plastic_indentation(gap, As, s, contact))
+    assert math.isnan(laws.plastic_indentation(len(As) - 1, gap, As, s, contact))
 
 
 @pytest.mark.parametrize("law", ["hertz", "flattened", "yielding"])
@@ -226,7 +226,7 @@ def test_the_force_at_a_wall_is_that_of_the_gap_to_where_it_is(s):
     gap = 0.8 - 0.2 - 0.1 - 0.05
     hertz = laws.hertz_force(laws.wall_indentation(0, gap, np.array([A]), s, None), A)
     assert near(laws.wall_force(0.3, motion, As, 0.05, None, s, None, None), hertz)
-    d = laws.plastic_indentation(gap, As, s, contact)
+    d = laws.plastic_indentation(len(As) - 1, gap, As, s, contact)
     yielded = laws.plastic_force(1, d, As, contact)
     assert near(laws.wall_force(0.3, motion, As, 0.05, None, s, None, contact), yielded)
     start = laws.wall_indentation(0, gap, np.array([A]), s, None)

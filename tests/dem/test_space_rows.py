@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from beadwave import dem
+from beadwave.coupling.spatial_march import march_space
+from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem import space
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere
 
-from rows_reference import rows_reference
+from rows_reference import random_rubbing_rows, rows_reference
 
 R, RHO, E, NU = 6e-3, 7800.0, 210e9, 0.3
 STEEL = dem.Flat(210e9, 0.3)
@@ -46,6 +50,8 @@ PARTS = {
     "bare": {},
     "damped": {"dissipation": "hunt-crossley", "gamma": 0.4},
     "held": {"preload": 20.0, "leaf_stiffness": np.full(5, 4e3)},
+    # pressed to some 1.5 um
+    "yielding": {"yield_overlap": np.full(5, 7e-7)},
 }
 
 
@@ -55,7 +61,10 @@ def test_a_row_that_feels_no_other_is_the_chain_on_its_wall(parts):
     apart = np.zeros((2, 8))
     apart[0, :4], apart[1, 4:] = PHI
     behind = structure(apart, np.tile(OMEGA, 2), np.tile(ZETA, 2), SERIES)
-    chains, velocities = [chain(5, **PARTS[parts])] * 2, [striking(5, 0.3), striking(5, 0.2)]
+    fields = dict(PARTS[parts])
+    limit = fields.pop("yield_overlap", None)
+    chains = [chain(5, **fields)._replace(yield_overlap=limit)] * 2
+    velocities = [striking(5, 0.3), striking(5, 0.2)]
     rows = rows_on(chains, velocities, (0.0, 0.0), behind)
     run = {"duration": 6e-4, "error": 1e-6, "n_save": 300}
     mine = space.march_to_error(rows.packing, behind, rows.velocity, **run)
@@ -133,10 +142,128 @@ def test_a_row_that_comes_later_has_its_waves_later():
     assert second.x[0, 0] == pytest.approx(-0.3 * delay, rel=1e-12)
 
 
+# participations along n, t1, t2 of one point; S of its contact, and what a mesh has besides
+ALONG_AND_ACROSS = np.array([[1.3, -0.7, 2.0, 5.0], [0.9, 1.5, -1.1, 3.0], [0.4, -0.6, 0.8, -2.0]])
+AXES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+BESIDES = 1e-10 * np.array([[0.0, 0.6, -0.3], [0.6, 0.2, 0.4], [-0.3, 0.4, -0.2]])
+STEEL_ON_STEEL = (R, E, NU, np.inf, E, NU)
+RUBBING = {
+    "free": ({}, {}, {}),
+    "alone": ({"count": 1}, {}, {"velocity": np.array([0.1, 0.05])}),
+    "damped": ({"dissipation": "hunt-crossley", "gamma": 0.4}, {"S": True}, {}),
+    "on an arm": (
+        {"preload": 20.0, "leaf_stiffness": np.array([0.0, 4e3, 4e3, 4e3])}, {"S": True},
+        {"arm_stiffness": np.array([2e6, np.inf]), "arm_rotation": 5.0},
+    ),
+    "held against turns": (
+        {"preload": 20.0}, {},
+        {"arm_stiffness": np.array([2e6, 1e5]), "arm_rotation": np.inf},
+    ),
+    "on the sphere before": (
+        {"dissipation": "hunt-crossley", "gamma": 0.4}, {"S": True},
+        {"before": tangential_law(0.1, R, E, NU, R, E, NU)},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", RUBBING)
+def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
+    """Another march of the same contact: velocities, forces, slip, heat within both errors."""
+    of_chain, of_wall, of_last = RUBBING[case]
+    fields = dict(of_chain)
+    n = fields.pop("count", 4)
+    one = chain(n, **fields)
+    law = tangential_law(0.2, *STEEL_ON_STEEL)
+    inertia = 0.4 * float(one.mass[-1]) * R**2
+    last = LastSphere(law, inertia, **({"velocity": np.zeros(2)} | of_last))
+    S = np.diag([-1.2e-9, -1e-9, -1e-9]) if of_wall else np.zeros((3, 3))
+    besides = BESIDES if of_wall else np.zeros((3, 3))
+    run, error = {"duration": 3e-4, "n_save": 150}, 1e-5
+    wall = spatial_wall_of_modes(OMEGA, ZETA, ALONG_AND_ACROSS.T)
+    wall = wall._replace(residual_compliance=S + besides)
+    alone = march_space(one, wall, striking(n, 0.3), last, error=error, **run)
+
+    behind = space.Structure(
+        OMEGA, ZETA, ALONG_AND_ACROSS, np.zeros(3, np.int64), AXES,
+        np.array([[S[0, 0], S[1, 1]]]), besides[None],
+    )  # fmt: skip
+    rows = space.rows_of(
+        [space.Row(one, striking(n, 0.3), np.zeros(3), AXES[0], last=last)], behind
+    )
+    mine = space.march_to_error(rows.packing, behind, rows.velocity, error=error, **run)
+    (row,) = space.row_runs(rows, behind, mine)
+    stated = mine.error_estimate + alone.lateral.error_estimate
+    assert stated < 2 * error
+    across, other = row.across, alone.lateral
+    assert np.abs(row.v - alone.trajectory.v).max() < stated * 0.3
+    assert np.abs(across.sphere_t_v - other.sphere_t_v).max() < stated * 0.3
+    assert R * np.abs(across.sphere_spin - other.sphere_spin).max() < stated * 0.3
+    # what follows from velocities: over the run, and by the contact's stiffness of some 4e7 N/m
+    length = stated * 0.3 * 3e-4
+    assert np.abs(across.slip - other.slip).max() < length
+    assert np.abs(across.sphere_t - other.sphere_t).max() < length
+    peak = np.abs(other.friction_force).max()
+    assert peak > 1.0
+    assert np.abs(across.friction_force - other.friction_force).max() < 2e-4 * peak
+    assert np.abs(across.wall_t - other.wall_t).max() < 2 * length
+    heat = other.dissipated_friction[-1]
+    assert across.dissipated_friction[-1] == pytest.approx(
+        heat - (mine.dissipated_friction - across.dissipated_friction)[-1], rel=1e-3
+    )
+    assert mine.energy_error < 0.2 * error
+
+
+def test_rows_that_rub_state_their_errors_and_close_their_ledgers():
+    """Beside marches by an eighth of the step with four times the cells."""
+    for seed in (3, 4, 5):
+        rows, behind = random_rubbing_rows(seed)
+        run = {"duration": 2e-4, "n_save": 100}
+        mine = space.march_to_error(rows.packing, behind, rows.velocity, error=1e-4, **run)
+        cells = rows.packing.springs._replace(n_cells=1024)
+        fine = space.march(
+            rows.packing._replace(springs=cells), behind, rows.velocity, dt=mine.dt / 8, **run
+        )
+        speed = np.linalg.norm(rows.velocity, axis=1).max()
+        true = np.linalg.norm(mine.velocity - fine.velocity, axis=2).max() / speed
+        assert true < mine.error_estimate < 1e-4
+        assert mine.energy_error < 2e-5
+        # the heat of a contact never falls
+        assert (np.diff(mine.friction_heat, axis=0) >= 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("last", "words"),
+    [
+        ({"inertia": 0.0}, "row: inertia"),
+        ({"arm_stiffness": np.array([-1.0, 0.0])}, "row: arm_stiffness"),
+        ({"before": tangential_law(0.1, R, E, NU, R, E, NU)}, "row: friction between spheres"),
+        ({"velocity": np.array([0.1, 0.0]), "arm_stiffness": np.full(2, np.inf)}, "row: the arm"),
+    ],
+)
+def test_last_spheres_out_of_range_are_refused(last, words):
+    behind = space.Structure(
+        OMEGA, ZETA, ALONG_AND_ACROSS, np.zeros(3, np.int64), AXES, np.zeros((1, 2))
+    )
+    given = {"inertia": 1e-6, "velocity": np.zeros(2)} | last
+    sphere = LastSphere(tangential_law(0.2, *STEEL_ON_STEEL), **given)
+    with pytest.raises(dem.InvalidChain, match=words):
+        space.rows_of(
+            [space.Row(chain(1), striking(1, 0.1), np.zeros(3), AXES[0], last=sphere)], behind
+        )
+
+
+def test_friction_needs_three_directions_of_the_structure():
+    behind = structure(PHI[:1], OMEGA, ZETA, SERIES[:1])
+    sphere = LastSphere(tangential_law(0.2, *STEEL_ON_STEEL), 1e-6, np.zeros(2))
+    with pytest.raises(dem.InvalidChain, match="takes three directions"):
+        space.rows_of(
+            [space.Row(chain(2), striking(2, 0.1), np.zeros(3), LEFT, last=sphere)], behind
+        )
+
+
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
-        ({"yield_overlap": np.full(3, 1e-6)}, "yield"),
         ({"exponent": np.full(3, 1.5)}, "a law other than Hertz'"),
         ({"friction": np.full(3, 0.1)}, "friction of guides"),
     ],

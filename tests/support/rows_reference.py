@@ -1,8 +1,14 @@
-"""Chains on points of one structure by scipy's DOP853, along their own lines."""
+"""Chains on points of one structure by scipy's DOP853, along their own lines; random ones that
+rub."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+
+from beadwave import dem
+from beadwave.dem import space
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere
 
 
 def overlap_in_series(gap, A, s):
@@ -64,3 +70,47 @@ def rows_reference(chains, velocities, delays, structure, t, *, tolerance=1e-11)
     )
     assert result.success, result.message
     return result.y[:n].T, result.y[n : 2 * n].T
+
+
+def random_rubbing_rows(seed):
+    """One or two chains on a structure of some modes in three directions, whose last spheres rub by
+    exact springs: damped or not, held by arms or free, spheres alone striking obliquely, a second
+    chain later; with what a mesh couples in the half-space taken off. As rows and structure."""
+    rng = np.random.default_rng(seed)
+    p, k = int(rng.integers(1, 3)), int(rng.integers(3, 9))
+    omega = 2 * np.pi * np.sort(10 ** rng.uniform(2.5, 4.6, k))
+    turns = [np.linalg.qr(rng.standard_normal((3, 3)))[0] for _ in range(p)]
+    axes = [np.array([n, t, np.cross(n, t)]) for n, t, _ in turns]
+    besides = rng.uniform(-1e-10, 1e-10, (p, 3, 3))
+    besides += besides.transpose(0, 2, 1)
+    besides[:, np.arange(3), np.arange(3)] = 0.0
+    structure = space.Structure(
+        omega, rng.uniform(0.0, 0.1, k), rng.uniform(-2.0, 2.0, (3 * p, k)),
+        np.repeat(np.arange(p), 3), np.vstack(axes),
+        -rng.uniform(0.3e-9, 1.2e-9, (p, 2)), besides,
+    )  # fmt: skip
+    rows = []
+    for i in range(p):
+        n, radius = int(rng.integers(1, 5)), float(rng.uniform(3e-3, 12e-3))
+        fields = {}
+        if rng.random() < 0.5:
+            fields = {"dissipation": "hunt-crossley", "gamma": float(rng.uniform(0.05, 0.5))}
+        if n > 1 and rng.random() < 0.4:
+            fields["preload"] = float(rng.uniform(1.0, 40.0))
+        chain = dem.row_of_spheres(
+            radius, 7800.0, 210e9, 0.3, count=n, flat=dem.Flat(210e9, 0.3), **fields
+        )
+        law = tangential_law(float(rng.uniform(0.02, 0.6)), radius, 210e9, 0.3, np.inf, 210e9, 0.3)
+        inertia = 0.4 * float(chain.mass[-1]) * radius**2
+        stiffness = rng.choice([0.0, 1e5, 2e6, np.inf], 2)
+        across = rng.uniform(-0.2, 0.2, 2) * np.isfinite(stiffness) if n == 1 else np.zeros(2)
+        last = LastSphere(
+            law, inertia * float(rng.uniform(1.0, 2.0)), across, stiffness,
+            float(rng.choice([0.0, 2.0, np.inf])),
+        )  # fmt: skip
+        if n > 1 and rng.random() < 0.3:
+            last = last._replace(before=tangential_law(0.2, radius, 210e9, 0.3, radius, 210e9, 0.3))
+        delay = float(rng.uniform(0.0, 5e-5)) if i and "preload" not in fields else 0.0
+        velocity = np.eye(n)[0] * rng.uniform(0.05, 0.5)
+        rows.append(space.Row(chain, velocity, np.zeros(3), axes[i][0], delay, last=last))
+    return space.rows_of(rows, structure), structure

@@ -113,9 +113,8 @@ def test_two_chains_on_the_reduced_structure_move_as_on_the_whole(struck):
     model, contacts = pipeline("model"), pipeline("chain-contacts")
     square, shapes = eigh(model.K.toarray(), model.M.toarray())
     whole = full_order(np.diag(square), np.eye(len(square)), shapes.T @ contacts.w[:, 0])
-    local = np.column_stack([contacts.half_space, np.zeros(2)])
     full = structure_of(
-        whole, shapes.T @ contacts.w, [0, 1], contacts.direction, local,
+        whole, shapes.T @ contacts.w, [0, 1], contacts.direction, contacts.half_space,
         damping=beadwave.coupling.ModalDamping(0.005), cutoff_hz=1e9,
     )  # fmt: skip
     assert full.omega.size == len(square) > 5 * pipeline("structure").omega.size
@@ -140,6 +139,79 @@ def test_a_later_striker_moves_its_waves_alone(struck):
     before, after = (run.summary.chains["end"].waves["2"].arrivals[0] for run in (struck, later))
     assert after.time_s - before.time_s == pytest.approx(5e-5, rel=0.02)
     assert later.arrays["x"][0, 4] == pytest.approx(-0.2 * 8e-5)
+
+
+def alone_on_plate(row, **tables):
+    """The scene of one [chain] in the place of one of several."""
+    return PLATE | tables | {
+        "chain": {key: row[key] for key in ("count", "radius", "material")},
+        "striker": row["striker"], "wall": {"kind": "rom"},
+        "strike": {"on": row["on"], "at": row["at"]},
+        "reduction": {"kind": "free-modes", "error": 1e-4},
+    }  # fmt: skip
+
+
+def test_one_of_several_that_rubs_is_the_chain_alone_with_friction():
+    """At a place without symmetry. Without what the mesh couples in the half-space friction would
+    be 18 % off on this mesh."""
+    row, rubs = TOP | {"at": [0.01, 0.003]}, {"friction": {"coefficient": 0.2}}
+    several = beadwave.impact(PLATE | {"chains": [row | rubs]})
+    one = beadwave.impact(alone_on_plate(row, **rubs))
+    a, b = several.arrays, one.arrays
+    stated = sum(run.summary.error_estimate.time for run in (several, one))
+    assert np.abs(a["v"] - b["v"]).max() < stated * 0.3 < 1e-5
+    assert np.abs(a["sphere_t_v"][:, 0] - b["sphere_t_v"]).max() < stated * 0.3
+    for name, share in (("friction_force", 2e-3), ("slip", 1e-3), ("wall_t", 1e-3)):
+        peak = np.abs(b[name]).max()
+        assert np.abs(a[name][:, 0] - b[name]).max() < share * peak, name
+    mine, other = several.summary.chains["top"].friction, one.summary.friction
+    assert mine.peak_friction_N == pytest.approx(other.peak_friction_N, rel=2e-3)
+    assert mine.dissipated_J == pytest.approx(other.dissipated_J, rel=5e-3)
+    assert mine.gross_slip_m == pytest.approx(other.gross_slip_m, rel=1e-4)
+    assert several.summary.error_estimate.reduction < 1e-4
+    assert a["rubbing"].tolist() == [0] and several.data.slip.dims == ("time", "contact", "across")
+
+
+def test_one_of_several_that_yields_is_the_chain_alone():
+    yields = {"contact": {"law": "thornton", "yield_pressure": 1.5e9}}
+    several = beadwave.impact(PLATE | {"chains": [TOP | yields]})
+    one = beadwave.impact(alone_on_plate(TOP, **yields))
+    stated = sum(
+        error.time + error.reduction
+        for error in (run.summary.error_estimate for run in (several, one))
+    )
+    assert np.abs(several.arrays["v"] - one.arrays["v"]).max() < stated * 0.3 < 3e-4
+    assert any("contacts yield; the one" in words for words in several.summary.warnings)
+
+
+def test_each_chain_has_its_own_friction_arm_and_output():
+    """Two that rub and one that does not, with a sensor on the structure."""
+    rubs = {"friction": {"coefficient": 0.2}, "arm": {"stiffness": 2e6, "rotation": float("inf")}}
+    back = {"name": "back", "on": "plate:-z", "at": [0.02, -0.01], "count": 2, **SPHERES,
+            "striker": {"velocity": 0.1}, "friction": {"coefficient": 0.05}}  # fmt: skip
+    sensor = {"on": "plate:+y", "radius": 2e-3, "direction": "normal", "quantity": "velocity"}
+    run = beadwave.impact(
+        PLATE | {"chains": [TOP | rubs, END | {"output": {"spheres": [1, 3]}}, back]},
+        {"output.sensors": [sensor]},
+    )
+    of = run.summary.chains
+    assert of["end"].friction is None and set(of["end"].waves) == {"1", "3"}
+    assert set(of["top"].waves) == {"2"}
+    a = run.arrays
+    assert a["rubbing"].tolist() == [0, 2]
+    assert a["friction_force"].shape == (401, 2, 2) and a["wall_x"].shape == (401, 3)
+    # Coulomb's bound, the contact's force with its damper left out
+    for i, (last, mu) in enumerate(((3, 0.2), (8, 0.05))):
+        size = np.hypot(*a["friction_force"][:, i].T)
+        assert (size <= mu * a["contact_force"][:, last] * (1 + 1e-9) + 1e-12).all()
+        assert size.max() > 1e-3
+    assert not a["sphere_spin"][:, 0].any() and a["sphere_spin"][:, 1].any()
+    assert run.summary.energy_error < 1e-6
+
+
+def test_chains_at_one_place_are_refused_before_the_mesh():
+    with pytest.raises(InvalidScene, match=r"chains.top and chains.end overlap by 0.0113 m"):
+        beadwave.scene(TWO | {"chains": [TOP, TOP | {"name": "end", "at": [0.0106, 0.0004]}]})
 
 
 @pytest.mark.slow
@@ -267,9 +339,18 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
     ("changes", "words"),
     [
         ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
-        ({"friction": {"coefficient": 0.1}}, r"\[friction\] is not of \[\[chains\]\]"),
+        ({"shakers": [{"name": "s", "on": "plate:-z", "frequency": 100, "force": 1}]},
+         r"\[shakers\] is not of \[\[chains\]\]"),
+        ({"arm": {}}, r"chains.top: \[arm\] holds the last sphere against friction"),
+        ({"chains": [TOP | {"friction": {"coefficient": 0.1}, "contact": {
+            "law": "thornton", "yield_pressure": 1e9}}]}, 'top: .friction. with contact.law = "th'),
+        ({"friction": {"coefficient": 0.1}, "gravity": {"direction": [1, 0, -1]}},
+         "gravity weighs 6.93 m/s.2 across chains.top"),
+        ({"contact": {"law": "power", "exponent": 2, "stiffness": 1e9}},
+         'contact.law = "power" is not of .*take "hertz" or "thornton"'),
+        ({"contact": {"law": "thornton", "yield_pressure": 1e4}}, "a millionth of the spheres"),
+        ({"chains": [TOP | {"output": {"spheres": [5]}}]}, "chains.top.output.spheres has 5"),
         ({"reduction": {"modes": 30}}, "reduced to one error at all contacts together"),
-        ({"contact": {"law": "thornton", "yield_pressure": 1e9}}, 'contact.law = "thornton"'),
         ({"chains": [TOP, TOP]}, "chains has 2 tables named 'top'"),
         ({"chains": [TOP | {"striker": None}]}, "nothing moves"),
         ({"chains": [TOP | {"initial_velocity": [1.0]}]}, "has 1 values, 4 are allowed"),

@@ -76,7 +76,7 @@ LAW = ("contact.law=thornton", "contact.yield_pressure=1e9")
 REFUSED = {
     "needs yield_pressure": LAW[:1],
     "belongs to law": LAW[1:],
-    "a millionth of chain.young": (
+    "a millionth of the spheres' young": (
         LAW[0],
         "contact.yield_pressure=1",
         "unusual=['contact.yield_pressure']",

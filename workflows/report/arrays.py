@@ -95,6 +95,10 @@ CHAINS = {
     "radius": (("sphere",), "m"),
     "error_x": (("sphere",), "m"), "error_v": (("sphere",), "m/s"),
     "error_contact_force": (("sphere",), "N"),
+    "rubbing": (("contact",), "1"), "stick_share": (("time", "contact"), "1"),
+    **{name: (("time", "contact", "across"), unit)
+       for name, unit in (("sphere_t", "m"), ("sphere_t_v", "m/s"), ("sphere_spin", "rad/s"),
+                          ("friction_force", "N"), ("slip", "m"), ("wall_t", "m"))},
 }  # fmt: skip
 
 
@@ -113,7 +117,8 @@ def _variables(arrays: Mapping[str, NDArray], known: Mapping[str, tuple]) -> dic
 
 def of_chains(arrays: Mapping[str, NDArray[np.float64]]) -> xarray.Dataset:
     """The trajectory of several chains over time [s], spheres numbered from 1 through all chains,
-    `chain` says which one each is of, from 0; energies in J."""
+    `chain` says which one each is of, from 0, and `rubbing` which chains the contacts with friction
+    are of; energies in J."""
     return dataset(
         _variables(arrays, CHAINS),
         time=("time", arrays["t"], {"units": "s"}),

@@ -167,7 +167,7 @@ class FrictionNumbers(BaseModel):
     surface_velocity_ratio: float | None = None
     dissipated_J: float
     dt_s: float
-    error_estimate: float
+    error_estimate: float | None
     loop_energy_J: float | None = None
     loop_energy_error_J: float | None = None
     loop_tangential_N: float | None = None
@@ -204,6 +204,7 @@ class ChainOnStructureNumbers(BaseModel):
     contact_radius_m: float  # of the Hertz contact at that force
     waves: dict[str, SphereWaves] = {}
     wall_contact: ChainContact | None = None
+    friction: FrictionNumbers | None = None
     errors: "ErrorEstimate"
     sphere_errors_m_s: tuple[float, ...] = ()  # (n,) of each velocity by the time step
 

@@ -119,6 +119,10 @@ def chains_rows(summary: Summary) -> list[tuple[str, str]]:
         if contact is not None and contact.arr_2_9 is not None:
             parts.append(f"ARR {percent(contact.arr_2_9)}")
         rows.append((f"{name}, at the structure", listed(parts)))
+        if across := chain.friction:
+            heat = f"heat {si(across.dissipated_J, 'J')}"
+            parts = [f"peak {si(across.peak_friction_N, 'N')}", heat]
+            rows.append((f"{name}, friction", listed(parts)))
     return rows
 
 

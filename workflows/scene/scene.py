@@ -161,6 +161,9 @@ class Scene(SceneTable):
             contact=row.contact or self.contact,
             leaf_springs=row.leaf_springs or self.leaf_springs,
             preload=row.preload or self.preload,
+            friction=row.friction or self.friction,
+            arm=row.arm or self.arm,
+            output=self.output.but(spheres=row.output.spheres) if row.output else self.output,
             strike=Strike.model_construct(on=row.on, at=row.at, radius=row.patch_radius),
             wall=RomWall.model_construct(kind="rom"),
         )

@@ -23,6 +23,7 @@ from beadwave.workflows.scene.rules.bodies import (
     without_assembly,
 )
 from beadwave.workflows.scene.rules.chains import of_chains
+from beadwave.workflows.scene.rules.contact import of_yield
 from beadwave.workflows.scene.rules.crystal import of_crystal
 from beadwave.workflows.scene.rules.friction import of_friction, of_gravity
 from beadwave.workflows.scene.rules.rig import of_the_rig
@@ -32,7 +33,6 @@ from beadwave.workflows.scene.rules.size import too_large
 from beadwave.workflows.scene.tables.walls import gives_way
 
 # Bounds on combinations of keys, by orders of magnitude beyond real cases
-MIN_YIELD_PRESSURE = 1e-6  # over Young's modulus, at least; that of lead is 1e-3
 MAX_HUNT_CROSSLEY = 1e6  # [s/m] of Hunt and Crossley's law, at most; from 1e3 nothing rebounds
 
 
@@ -83,7 +83,8 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
     """Tables that act on a part which the scene does not have, and files that are not there."""
     chain, wall = scene.chain, scene.wall
     for name in ("gravity", "guides", "friction", "arm", "shakers"):
-        if chain is None and getattr(scene, name) and not (scene.chains and name == "gravity"):
+        of_chains = scene.chains and name in ("gravity", "friction", "arm")
+        if chain is None and getattr(scene, name) and not of_chains:
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:
         yield "[chain], [crystal], [assembly], [beam] and [plate] are all missing; add one of them."
@@ -224,15 +225,7 @@ def _of_chain(scene: Scene) -> Iterator[str]:
     yield from of_shakers(scene)
 
     if contact.law == "thornton":
-        lowest, allowed = (
-            _lowest(contact.yield_pressure),
-            MIN_YIELD_PRESSURE * _lowest(chain.young),
-        )
-        if lowest < allowed:
-            yield (
-                f"contact.yield_pressure = {lowest:g} Pa must be at least {allowed:g} Pa, a "
-                "millionth of chain.young; raise it."
-            )
+        yield from of_yield(contact, "contact", chain.young)
         excluded = {
             f'wall.kind = "{scene.wall and scene.wall.kind}"': gives_way(scene.wall),
             f'{scene.strike_table}.weights = "thesis"': scene.strike is not None
@@ -269,7 +262,3 @@ def _of_chain(scene: Scene) -> Iterator[str]:
             f"output.spheres has {max(spheres)}, allowed are 1 to chain.count = {chain.count}; set "
             f'it too, --set output.spheres="{remedy}", or add spheres.'
         )
-
-
-def _lowest(value: float | tuple[float, ...]) -> float:
-    return min(value) if isinstance(value, tuple) else value

@@ -1,16 +1,22 @@
 """Keys of several chains that are each allowed but not together, a sentence each."""
 
 from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
 
 from beadwave.system import free_memory
 from beadwave.workflows.scene.rig import RigScene, RigTable
 from beadwave.workflows.scene.rules.bodies import same_names
+from beadwave.workflows.scene.rules.contact import of_yield
+from beadwave.workflows.scene.rules.friction import of_friction
 from beadwave.workflows.scene.rules.size import INSTANT_BYTES, LIMITS, gigabytes
 from beadwave.workflows.scene.scene import Scene
+from beadwave.workflows.scene.tables.chains import ChainOnStructure
 from beadwave.workflows.scene.tables.gravity import UPRIGHT
 
 # tables of one chain, or of what is not marched for several
-OTHERS = ("chain", "crystal", "wall", "guides", "friction", "arm", "shakers")
+OTHERS = ("chain", "crystal", "wall", "guides", "shakers")
 MOST_CHAINS = 100  # each adds a column of the receptances and an oscillator
 
 
@@ -52,9 +58,10 @@ def of_chains(scene: Scene) -> Iterator[str]:
     for row in chains:
         key = f"chains.{row.name}"
         contact = row.contact or scene.contact
-        if contact.law != "hertz":
-            where = f"{key}.contact" if row.contact else "contact"
-            yield f'{where}.law = "{contact.law}" is not of [[chains]]; take "hertz".'
+        where = f"{key}.contact" if row.contact else "contact"
+        yield from of_yield(contact, where, row.young)
+        if contact.law not in ("hertz", "thornton"):
+            yield f'{where}.law = "{contact.law}" is not of [[chains]]; take "hertz" or "thornton".'
         lists = [
             (f"{key}.{name}", getattr(row, name), row.count)
             for name in ("radius", "material", "density", "young", "poisson", "initial_velocity")
@@ -77,6 +84,10 @@ def of_chains(scene: Scene) -> Iterator[str]:
             yield "striker.drop is of a [chain] under [gravity]; give striker.velocity."
         if getattr(striker, "tangential_velocity", None):
             yield "striker.tangential_velocity is of one [chain] under [friction]; drop it."
+            continue
+        for sentence in of_friction(scene.of_each_chain[row.name]):
+            yield f"{key}: {sentence}"
+    yield from _overlapping(chains)
     laws = {
         contact.dissipation
         for row in chains
@@ -91,6 +102,12 @@ def of_chains(scene: Scene) -> Iterator[str]:
     if len(still) == len(chains):
         yield f"nothing moves; give chains.{chains[0].name}.striker a velocity."
 
+    for row in chains:
+        if row.output and max(row.output.spheres, default=0) > row.count:
+            yield (
+                f"chains.{row.name}.output.spheres has {max(row.output.spheres)}, the chain has "
+                f"{row.count} spheres; lower it."
+            )
     most = max(row.count for row in chains)
     if scene.output.spheres and max(scene.output.spheres) > most:
         yield (
@@ -104,3 +121,26 @@ def of_chains(scene: Scene) -> Iterator[str]:
             f"output.samples = {scene.output.samples} of all spheres of [[chains]] would take "
             f"{gigabytes(needed)} of memory; lower it, or drop spheres."
         )
+
+
+def _overlapping(chains: tuple[ChainOnStructure, ...]) -> Iterator[str]:
+    """Sentences on chains on one plane face whose spheres overlap; those of other faces are found
+    on the mesh."""
+    heights = []
+    for row in chains:
+        radius = np.broadcast_to(np.asarray(row.radius, float), row.count)
+        # of the centres above the face, from the last sphere to the first
+        above = np.cumsum(radius[::-1]) + np.append(0.0, np.cumsum(radius[:0:-1]))
+        heights.append((radius[::-1], above))
+    for (one, (R1, h1)), (other, (R2, h2)) in combinations(zip(chains, heights, strict=True), 2):
+        if one.on != other.on or len(one.at) != 2 or len(other.at) != 2:
+            continue
+        apart = np.hypot(*np.subtract(one.at, other.at))
+        if apart >= R1.max() + R2.max():
+            continue
+        gaps = np.hypot(apart, h1[:, None] - h2) - R1[:, None] - R2
+        if gaps.min() < 0.0:
+            yield (
+                f"spheres of chains.{one.name} and chains.{other.name} overlap by "
+                f"{-gaps.min():.3g} m; move one of them by its `at`."
+            )

@@ -1,6 +1,7 @@
 """[[chains]]: several chains that lean on one structure, each at a place of its own.
 
-What a row does not hold is the scene's own table: [striker], [contact], [leaf_springs], [preload].
+What a row does not hold is the scene's own table: [striker], [contact], [leaf_springs], [preload],
+[friction], [arm], [output].
 """
 
 from typing import Annotated
@@ -9,6 +10,7 @@ from pydantic import Field
 
 from beadwave.workflows.scene.quantities import of
 from beadwave.workflows.scene.scene_table import (
+    Count,
     NonNegative,
     PatchRadius,
     Positive,
@@ -17,6 +19,7 @@ from beadwave.workflows.scene.scene_table import (
 from beadwave.workflows.scene.tables.bodies import PlaceOnFace
 from beadwave.workflows.scene.tables.chain import ChainTable, LeafSpringsTable, Preload
 from beadwave.workflows.scene.tables.contact import ContactTable
+from beadwave.workflows.scene.tables.friction import Arm, Friction
 from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import TIME, VELOCITY
 
@@ -27,6 +30,12 @@ class ChainStriker(SceneTable):
     velocity: of(Positive, VELOCITY, 0, 100)  # [m/s] towards the structure
     # [s] from the start of the run, at which it arrives at the second sphere
     time: of(NonNegative, TIME, 0, 1) = 0.0
+
+
+class ChainOutput(SceneTable):
+    """At which spheres of a chain its waves are observed, in place of [output]."""
+
+    spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
 
 
 class ChainOnStructure(ChainTable):
@@ -41,3 +50,6 @@ class ChainOnStructure(ChainTable):
     contact: ContactTable | None = None  # in place of [contact]
     leaf_springs: LeafSpringsTable | None = None  # in place of [leaf_springs]
     preload: Preload | None = None  # in place of [preload]
+    friction: Friction | None = None  # in place of [friction]
+    arm: Arm | None = None  # in place of [arm]
+    output: ChainOutput | None = None  # in place of output.spheres

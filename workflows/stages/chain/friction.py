@@ -20,6 +20,7 @@ from beadwave.coupling.periodic_state import PeriodicSearch
 from beadwave.coupling.spatial_march import SpatialSearch
 from beadwave.dem.friction import gross_slip, stick_stiffness, tangential_law
 from beadwave.dem.lateral import LastSphere, LateralTrajectory
+from beadwave.dem.space import AcrossRun
 from beadwave.dem.spheres import hertz_overlap, mass
 from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
 from beadwave.workflows.scene import RomWall, Scene
@@ -125,12 +126,16 @@ def last_sphere(scene: Scene, start: Start) -> LastSphere:
 
 
 def friction_numbers(
-    scene: Scene, start: Start, impact: coupling.Impact, lateral: LateralTrajectory
+    scene: Scene,
+    start: Start,
+    force: float,
+    lateral: LateralTrajectory | AcrossRun,
+    dt: float,
+    error: float | None,
 ) -> FrictionNumbers:
-    """Stiffness and gross slip at the largest overlap, and what the impact does across the
-    chain."""
+    """Stiffness and gross slip at the largest force [N], and what the impact does across the
+    chain, by a march of steps dt [s] with this error."""
     law = last_sphere(scene, start).law
-    force = float(impact.trajectory.contact_force[:, -1].max())
     overlap = float(hertz_overlap(force, start.chain.A[-1]))
     radius = float(np.sqrt(law.radius * overlap))
 
@@ -149,9 +154,8 @@ def friction_numbers(
         spin_rad_s=tuple(map(float, spin[-1])),
         surface_velocity_ratio=ratio,
         dissipated_J=float(lateral.dissipated_friction[-1]),
-        dt_s=lateral.dt,
-        error_estimate=lateral.error_estimate,
-        **(cycle_numbers(scene, impact.trajectory, lateral) if lateral.cycle else {}),
+        dt_s=dt,
+        error_estimate=error,
     )
 
 
@@ -213,9 +217,13 @@ def chain_numbers(
     those along the chain and across it together, or of the one march of both at a structure."""
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
     together = max if isinstance(scene.wall, RomWall) else add
+    force = float(impact.trajectory.contact_force[:, -1].max())
+    friction = friction_numbers(scene, start, force, lateral, lateral.dt, lateral.error_estimate)
+    if lateral.cycle:
+        friction = friction.model_copy(update=cycle_numbers(scene, impact.trajectory, lateral))
     numbers = {
         "energy_error": together(along.numbers["energy_error"], lateral.energy_error),
-        "friction": friction_numbers(scene, start, impact, lateral),
+        "friction": friction,
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding
         numbers["waves"] = {}

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from beadwave.coupling.structure_sensors import SensorSignals
     from beadwave.dem.space import RowRun
     from beadwave.rom import ReducedModel
+    from beadwave.workflows.stages.structure.several import ChainContacts
 
 
 def sensors(scene: Scene) -> tuple[Sensor, ...]:
@@ -67,6 +68,7 @@ def record_of_chains(
     scene: Scene,
     runs: Sequence["tuple[RowRun, ChainWaves]"],
     reduced: "ReducedModel",
+    places: "ChainContacts",
 ) -> SensorRecord:
     """`record` of several chains, whose forces drive the structure together."""
     structure = None
@@ -74,7 +76,10 @@ def record_of_chains(
         from beadwave.coupling.structure_sensors import sensed_in_run
 
         contacts = np.column_stack([reduced.w, reduced.columns.load])
-        force = np.column_stack([run.contact_force[:, -1] for run, _ in runs])
+        force = np.column_stack(
+            [run.contact_force[:, -1] for run, _ in runs]
+            + [runs[i][0].across.friction_force for i in places.rubbing]
+        )
         structure = sensed_in_run(
             reduced, runs[0][0].t, force, contacts=contacts, damping=damping(scene.damping, reduced)
         )

@@ -14,6 +14,7 @@ from beadwave.dem.waves.chain_waves import ChainWaves, chain_waves
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import chain as one_chain
 from beadwave.workflows.stages.chain.damping import damping
+from beadwave.workflows.stages.chain.friction import last_sphere
 from beadwave.workflows.stages.chain.walls import require_support
 
 if TYPE_CHECKING:
@@ -43,11 +44,15 @@ class ChainsErrors(NamedTuple):
 def structure(scene: Scene, reduction: ReducedModel, contacts: ChainContacts) -> space.Structure:
     """The structure as the chains push it."""
     columns = np.column_stack([reduction.w, reduction.columns.load])
-    p = len(contacts.point)
-    local = np.column_stack([contacts.half_space, np.zeros(p)])
+    # along each chain first, then across it
+    point = np.append(np.arange(len(contacts.point)), np.repeat(contacts.rubbing, 2))
+    direction = np.vstack([contacts.direction, contacts.frame.reshape(-1, 3)])
+    order = np.argsort(point, kind="stable")
     law = damping(scene.damping, reduction)
     return structure_of(
-        reduction, columns, np.arange(p), contacts.direction, local, damping=law
+        reduction, columns[:, order], point[order], direction[order], contacts.half_space,
+        half_space_besides=contacts.half_space_besides if contacts.rubbing.size else None,
+        damping=law,
     )  # fmt: skip
 
 
@@ -59,12 +64,21 @@ def start(scene: Scene, contacts: ChainContacts, structure: space.Structure) -> 
     for i, (row, one) in enumerate(each):
         if scene.gravity:
             one = one.but(gravity=scene.gravity.on(contacts.direction[i]))
+            across = one.gravity.across
+            if one.friction and one.arm is None and across > 1e-9 * one.gravity.acceleration:
+                raise InvalidScene(
+                    f"{scene.name}: gravity weighs {across:.3g} m/s^2 across chains.{row.name}, "
+                    f"which nothing carries at its last sphere; add chains.{row.name}.arm, or "
+                    "turn gravity.direction along the chain."
+                )
         first = one_chain.start(one, contacts.surface[i])
         starts.append(first)
         delay = row.striker.time if row.striker else 0.0
         place = contacts.point[i], contacts.direction[i]
-        rows.append(space.Row(first.chain, first.velocity, *place, delay, row.name))
-        wall = dem.Wall(structure.omega, structure.zeta, structure.phi[i])
+        last = last_sphere(one, first) if one.friction else None
+        rows.append(space.Row(first.chain, first.velocity, *place, delay, row.name, last))
+        along = np.flatnonzero(structure.point == i)[0]
+        wall = dem.Wall(structure.omega, structure.zeta, structure.phi[along])
         require_support(one, wall)
     try:
         together = space.rows_of(rows, structure)
@@ -118,8 +132,9 @@ def waves(
     """Each chain's part of the march, and its waves."""
     found = []
     runs = space.row_runs(start.rows, structure, march)
-    for first, run in zip(start.starts, runs, strict=True):
-        observed = [n for n in scene.output.spheres if n <= len(first.velocity)]
+    each = scene.of_each_chain.values()
+    for one, first, run in zip(each, start.starts, runs, strict=True):
+        observed = [n for n in one.output.spheres if n <= len(first.velocity)]
         at_wall = bool(first.velocity.any())
         found.append((run, chain_waves(run, first.chain, observed, at_wall=at_wall)))
     return tuple(found)

@@ -19,6 +19,7 @@ from beadwave.workflows.report.summary import (
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.chain.chain import contact_radius
+from beadwave.workflows.stages.chain.friction import friction_numbers
 from beadwave.workflows.stages.chain.several import ChainsStart
 from beadwave.workflows.stages.chain.waves import chain_contact, sphere_waves
 
@@ -42,11 +43,17 @@ def chains_numbers(
     for i, (name, (run, tracked)) in enumerate(zip(names, waves, strict=True)):
         one, first = of_each[name], start.starts[i]
         peak = float(run.contact_force[:, -1].max())
+        friction = None
+        if run.across is not None:
+            friction = friction_numbers(
+                one, first, peak, run.across, march.dt, march.error_estimate
+            )
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
             contact_radius_m=first.ellipse.size * contact_radius(one, first, peak),
             waves={str(s): sphere_waves(tracked, run.t, run.v, s) for s in tracked.labels},
             wall_contact=chain_contact(one, tracked),
+            friction=friction,
             errors=ErrorEstimate(time=march.error_estimate),
             sphere_errors_m_s=(
                 () if errors is None else tuple(map(float, errors[start.rows.row == i]))
@@ -72,8 +79,12 @@ def chains_numbers(
 def _warnings(scene: Scene, start, run: space.RowRun, waves: ChainWaves) -> Iterator[str]:
     """Warnings on one of several chains."""
     yield from dem.outside(warnings.strain(scene, start, run))
+    yield from dem.yielding(start.chain, run)
     yield from warnings.unequal_spheres(start)
     yield from warnings.overlapping_waves(waves)
+    if run.across is not None:
+        yield from warnings.high_friction(scene)
+        yield from warnings.neglected_coupling(scene, start)
 
 
 def chains_arrays(
@@ -83,15 +94,16 @@ def chains_arrays(
     is of, from 0."""
     rows = start.rows
     runs = space.row_runs(rows, structure, march)
+    along = np.searchsorted(structure.point, np.arange(structure.n_points))
     arrays = {
         "t": march.t,
         **{name: np.hstack([getattr(run, name) for run in runs])
            for name in ("x", "v", "contact_force")},
         "chain": rows.row,
-        **{name: getattr(march, name) for name in ("wall_x", "wall_v", "wall_force")},
+        **{name: getattr(march, name)[:, along] for name in ("wall_x", "wall_v", "wall_force")},
         "wall_q": march.wall_q.astype(np.float32),
         "wall_omega": structure.omega,
-        "wall_phi": structure.phi,
+        "wall_phi": structure.phi[along],
         # where each sphere touches the next, and along what it moves
         "rest": rows.packing.rest - rows.start[:, None] * rows.direction,
         "direction": rows.direction,
@@ -102,6 +114,14 @@ def chains_arrays(
         if name.startswith(("energy_", "dissipated_", "work_"))
         and isinstance(values, np.ndarray) and values.any()
     }  # fmt: skip
+    # of the chains with friction in turn
+    if across := [(i, run.across) for i, run in enumerate(runs) if run.across is not None]:
+        arrays |= {
+            name: np.stack([getattr(of_row, name) for _, of_row in across], axis=1)
+            for name in space.AcrossRun._fields
+            if name != "dissipated_friction"
+        }
+        arrays["rubbing"] = np.array([i for i, _ in across])
     if march.errors is not None:
         arrays |= {
             "error_x": march.errors.displacement,

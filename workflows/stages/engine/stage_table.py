@@ -179,7 +179,8 @@ _targets = tables_of("targets", "test_axes")
 
 def _observed(scene: Scene) -> Any:
     """Spheres at which a run is observed, and the number of instants."""
-    return [scene.output.spheres, scene.output.samples]
+    of_each = [row.output for row in scene.chains or ()]
+    return [scene.output.spheres, scene.output.samples, of_each]
 
 
 def _marched(scene: Scene) -> Any:
@@ -210,13 +211,18 @@ def dimensions(scene: Scene) -> Any:
 
 
 def _places(scene: Scene) -> Any:
-    """Places that several chains strike."""
-    return [(row.name, row.on, row.at, row.patch_radius) for row in scene.chains or ()]
+    """Places that several chains strike, and whether they rub there."""
+    return [
+        (row.name, row.on, row.at, row.patch_radius, bool(row.friction or scene.friction))
+        for row in scene.chains or ()
+    ]
 
 
 def _each_chain(scene: Scene) -> Any:
     """Input of a march of several chains besides the structure."""
-    tables = tables_of("chains", "striker", "contact", "leaf_springs", "preload", "gravity")
+    tables = tables_of(
+        "chains", "striker", "contact", "leaf_springs", "preload", "gravity", "friction", "arm"
+    )  # fmt: skip
     return [tables(scene), _marched(scene)]
 
 
@@ -480,7 +486,8 @@ STAGES = (
     Stage("waves", ".chain.waves:waves", _observed, ("start", "impact")),
     Stage(
         "record", ".chain.sensor_signals:record_of_chains", tables_of("output", "damping"),
-        ("chains-waves", "reduction"), when=lambda scene: has_chains(scene) and has_sensors(scene),
+        ("chains-waves", "reduction", "chain-contacts"),
+        when=lambda scene: has_chains(scene) and has_sensors(scene),
         kept=False, listed=False,
     ),
     Stage(

@@ -47,7 +47,7 @@ def structure_on_other_mesh(
     places, table = contacts(scene, parts, model), scene.reduction
     with fem.one_thread():
         reduced = rom.several_contacts(
-            model.K, model.M, places.w, error=table.error, to_hz=table.to_hz or TO_HZ,
+            model.K, model.M, places.columns, error=table.error, to_hz=table.to_hz or TO_HZ,
             factorise=fem.factorised,
         )  # fmt: skip
     # frequencies that ratios of damping are of, as the run has them

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
-from beadwave.workflows.scene import LossFactorsTable, Scene
+from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
 from beadwave.workflows.scene.places import chain_face, sensor_places
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import solid
@@ -31,9 +31,19 @@ class ChainContacts(NamedTuple):
     w: NDArray[np.float64]  # (n, p) displacement along each chain, into the structure
     point: NDArray[np.float64]  # (p, 3) [m]
     direction: NDArray[np.float64]  # (p, 3) unit vectors into the structure
-    half_space: NDArray[np.float64]  # (p,) [m/N] that Hertz' law holds already
+    # (p, 2) [m/N] that Hertz' law holds already, and Mindlin's across; 0 without friction
+    half_space: NDArray[np.float64]
     radii: NDArray[np.float64]  # (p, 2) [m] principal radii of the faces struck
     surface: tuple[rom.Contact, ...]  # their material and curvatures
+    rubbing: NDArray[np.int64]  # (m,) the chains with friction
+    across: NDArray[np.float64]  # (n, 2 m) displacements across these, along t1 and t2 of each
+    frame: NDArray[np.float64]  # (m, 2, 3) t1 and t2
+    half_space_besides: NDArray[np.float64]  # (p, 3, 3) [m/N] what it has besides on the mesh
+
+    @property
+    def columns(self) -> NDArray[np.float64]:
+        """(n, p + 2 m) displacements along all chains, then across those with friction."""
+        return np.hstack([self.w, self.across])
 
 
 class ChainPatch(NamedTuple):
@@ -62,16 +72,33 @@ def contacts(scene: Scene, mesh: Parts, model: fem.Model) -> ChainContacts:
     """The patches of all chains and the half-spaces under them. Raises InvalidScene as
     `chain_patches`."""
     columns, points, directions, local, radii, surfaces = [], [], [], [], [], []
-    for face, patch, material in chain_patches(scene, mesh, model):
+    rubbing, across, frames, besides = [], [], [], np.zeros((len(scene.chains), 3, 3))
+    patches, each = chain_patches(scene, mesh, model), scene.of_each_chain.items()
+    for i, ((name, one), (face, patch, material)) in enumerate(zip(each, patches, strict=True)):
         columns.append(patch.w)
         points.append(patch.spot.point)
         directions.append(patch.spot.inward)
-        local += fem.half_spaces_on_mesh(model, face, [patch], material)
         radii.append(patch.spot.radii)
         surfaces.append(surface_of(material, patch.spot.inward, patch.spot.radii))
+        if one.friction is None:
+            local.append([*fem.half_spaces_on_mesh(model, face, [patch], material), 0.0])
+            continue
+        try:
+            matrix = fem.half_space_matrix(model, face, patch, material)
+        except ValueError as error:
+            why = str(error).rstrip(".")
+            raise InvalidScene(f"{scene.name}: chains.{name}: [friction]: {why}.") from None
+        tangential = 0.5 * (matrix[1, 1] + matrix[2, 2])
+        local.append([matrix[0, 0], tangential])
+        besides[i] = matrix - np.diag([matrix[0, 0], tangential, tangential])
+        rubbing.append(i)
+        across += [sideways.w for sideways in patch.across(model)]
+        frames.append(patch.axes[1:])
     return ChainContacts(
         np.column_stack(columns), np.array(points), np.array(directions), np.array(local),
-        np.array(radii), tuple(surfaces),
+        np.array(radii), tuple(surfaces), np.array(rubbing, np.int64),
+        np.reshape(across, (-1, len(columns[0]))).T, np.reshape(frames, (-1, 2, 3)),
+        besides,
     )  # fmt: skip
 
 
@@ -84,17 +111,19 @@ def reduction(
 ) -> rom.ReducedModel:
     """The structure in as many modes as keep the response at every contact and sensor to the
     scene's error, and between them; the first chain's contact is the model's own, the others are
-    loads by the chains' names. Raises InvalidScene for a sensor whose disc leaves its face,
-    rom.ReductionError."""
+    loads by the chains' names, and those across by name and direction. Raises InvalidScene for a
+    sensor whose disc leaves its face, rom.ReductionError."""
     struck = contacts.surface[0]._replace(
-        half_space=float(contacts.half_space[0]),
+        half_space=float(contacts.half_space[0, 0]),
         point=tuple(contacts.point[0].tolist()),
         direction=tuple(contacts.direction[0].tolist()),
     )
-    others, places = tuple(row.name for row in scene.chains[1:]), sensor_places(scene)
+    chains, places = [row.name for row in scene.chains], sensor_places(scene)
+    tangents = [f"{chains[i]}, t{k}" for i in contacts.rubbing for k in (1, 2)]
+    others = (*chains[1:], *tangents)
     bodies = bodies_of_faces(model)
     sensed = [functional(scene, model, bodies, place) for place in places]
-    w = np.column_stack([contacts.w, *sensed])
+    w = np.column_stack([contacts.columns, *sensed])
     reduced = reduced_to(scene, model, modes, w, others, struck, factor)
     if not places:
         return reduced
