@@ -86,6 +86,9 @@ Numbers = NDArray[np.int64]
  IN_FRICTION, IN_WALL, OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(15)  # fmt: skip
 ITERATIONS = 60  # for the way of springs behind a compliance; some five are usual
 ROUNDING = 1e-12  # of that way, to which it is found
+# [m] of an approach that counts as none where a contact rubs: a wave announces itself by 1e-320 m,
+# whose squares are 0
+UNPRESSED = 1e-100
 
 
 class SpaceMotion(NamedTuple):
@@ -97,7 +100,7 @@ class SpaceMotion(NamedTuple):
     force: Array  # (c, 3) [N] on the second sphere of each contact
     moment: Array  # (c, 3) [N m] r e x T, of which each sphere gets its share
     traction: Array  # (c, 3) [N] T on the first sphere
-    depth: Array  # (c,) [m] overlap at which T was computed, < 0 for a gap
+    depth: Array  # (c,) [m] overlap at which forces were computed, < 0 for a gap
     bound: Array  # (c,) [N] of T then
     stiffness: Array  # (c,) [N/m] against the way then; 0 of an open contact
     compliance: Array  # (c,) [m/N] one over it; 0 of an open contact
@@ -145,7 +148,7 @@ class ContactSprings(NamedTuple):
     """Exact tangential springs of m contacts, in cells (`dem.kernels.tangential`), with room for
     the trials of their way behind a compliance."""
 
-    row: Numbers  # (c,) which of these a contact has, -1 for none
+    contact: Numbers  # (m,) which they are, ascending
     frame: Array  # (m, 2, 3) unit vectors across each contact
     law: tuple[Array, Array, Array]  # (m,) each: modulus, bound and radius of `TangentialLaw`
     residual: Array  # (m, 3, 3) [m/N] in series, along the normal and the frame
@@ -155,6 +158,7 @@ class ContactSprings(NamedTuple):
     trial_state: Array  # (m, 7)
     slip: Array  # (m, 2) [m] of the second over the first surface so far
     rate: Array  # (m,) [m/s] of approach in the last drift
+    pressed: Array  # (m,) [N] of the last forces
     room: Array  # (m, 7, 3)
 
 
@@ -312,10 +316,8 @@ def press(
     """Forces of all contacts after a drift [s]."""
     low, high = share(arrays.A.size, crew)
     meet(crew)  # all spheres are there
-    contact_forces(
-        low, high, drifted, motion, arrays, parts.shape, parts.plastic, parts.damping,
-        parts.friction, parts.springs,
-    )  # fmt: skip
+    contact_forces(low, high, drifted, motion, arrays, parts.shape, parts.plastic, parts.friction)
+    shear_contacts(low, high, drifted, motion, arrays, parts.damping, parts.springs)
     meet(crew)  # all forces are
     for k in range(motion.point.shape[0] if crew.worker == 0 else 0):
         for axis in range(3):
@@ -376,8 +378,7 @@ def in_series(
 @contracted
 def contact_forces(
     low: int, high: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays,
-    shape: ForceShape | None, plastic: Plastic | None, damping: Damping | None,
-    friction: Friction | None, springs: ContactSprings | None,
+    shape: ForceShape | None, plastic: Plastic | None, friction: Friction | None,
 ) -> None:  # fmt: skip
     """Forces of the contacts from `low` to `high` after a drift [s] with the velocities there are;
     those that are pressed deeper than ever yield."""
@@ -391,10 +392,8 @@ def contact_forces(
             force[c, 0], force[c, 1], force[c, 2] = 0.0, 0.0, 0.0
             if friction is not None:
                 open_contact(c, d, motion, friction)
-            if springs is not None and springs.row[c] >= 0:
-                unit = 1.0 / r
-                line = (unit * y0, unit * y1, unit * y2)
-                shear(c, drifted, d, d, line, motion, arrays, damping, springs)
+            else:
+                motion.depth[c] = d
             continue
         d = in_series(c, d, arrays, shape, plastic)
         if plastic is None:
@@ -408,9 +407,8 @@ def contact_forces(
         if friction is not None:
             line = (unit * y0, unit * y1, unit * y2, r)
             rub(c, drifted, d, pressed, line, motion, arrays, friction)
-        if springs is not None and springs.row[c] >= 0:
-            line, gap = (unit * y0, unit * y1, unit * y2), arrays.overlap[c] - rise
-            shear(c, drifted, gap, d, line, motion, arrays, damping, springs)
+        else:
+            motion.depth[c] = d
 
 
 @ieee_inline
@@ -552,22 +550,39 @@ def rub(
     motion.moment[c, 2] = reach * (e0 * t1 - e1 * t0)
 
 
+@ieee_inline
+def shear_contacts(
+    low: int, high: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays,
+    damping: Damping | None, springs: ContactSprings | None,
+) -> None:  # fmt: skip
+    """Exact tangential forces of the contacts from `low` to `high` that have springs, after a drift
+    [s] with the velocities there are, at the overlaps of `contact_forces`."""
+    if springs is None:
+        return
+    for m in range(springs.contact.size):
+        if low <= springs.contact[m] < high:
+            shear(m, drifted, motion, arrays, damping, springs)
+
+
 @ieee
 def shear(
-    c: int, drifted: float, gap: float, d: float, line: tuple[float, float, float],
-    motion: SpaceMotion, arrays: SpaceArrays, damping: Damping | None, springs: ContactSprings,
+    m: int, drifted: float, motion: SpaceMotion, arrays: SpaceArrays, damping: Damping | None,
+    springs: ContactSprings,
 ) -> None:  # fmt: skip
-    """Force of contact c after a drift [s] to the approach `gap` [m], below 0 of an open contact,
-    with the exact tangential force; d [m] is its overlap, which directions that the compliance in
-    series couples change. `line` is the unit vector between the centres.
+    """Force of contact m with springs, and its overlap, which a compliance in series that couples
+    the directions changes.
 
     Way and force are along the contact's axes at rest; the surfaces are at their distance from the
     centres at rest. The pressure that bounds slip includes Hunt and Crossley's damper, at the rate
     of approach that the last two drifts, of equal length, lead on to.
     """
-    m, i, j = springs.row[c], arrays.first[c], arrays.second[c]
+    c = springs.contact[m]
+    i, j, d = arrays.first[c], arrays.second[c], motion.depth[c]
     v, spin, frame, slip = motion.v, motion.spin, springs.frame[m], springs.slip[m]
-    e0, e1, e2 = line
+    rise, e0, e1, e2, r = stretch(c, motion.u, motion.point, arrays)
+    e0, e1, e2, gap = e0 / r, e1 / r, e2 / r, arrays.overlap[c] - rise
+    if 0.0 < gap <= UNPRESSED:
+        gap, d = 0.0, 0.0
 
     # relative velocity of the centres, and turn of both surfaces
     a, b = arrays.length[c] * arrays.share[c, 0], arrays.length[c] * arrays.share[c, 1]
@@ -599,56 +614,62 @@ def shear(
         k_n = 1.5 * arrays.A[c] * math.sqrt(larger(d, 0.0))
         q = larger(1.0 + damping.gamma[c] * rate / (1.0 + arrays.residual[c] * k_n), 0.0)
 
-    modulus, bound, radius = springs.law
-    law = TangentialLaw(modulus[m], bound[m], radius[m], 0.0)
-    cells = SpringCells(springs.u[m], springs.state[m])
-    T = motion.traction
+    law = law_of(m, springs)
+    cells, T = SpringCells(springs.u[m], springs.state[m]), motion.traction
     if arrays.residual[c] == 0.0 or gap <= 0.0:
         slide_cells(cells, law, d, q, way1, way2)
         slip[0] += way1
         slip[1] += way2
     else:
-        t1 = T[c, 0] * frame[0, 0] + T[c, 1] * frame[0, 1] + T[c, 2] * frame[0, 2]
-        t2 = T[c, 0] * frame[1, 0] + T[c, 1] * frame[1, 1] + T[c, 2] * frame[1, 2]
-        trial = SpringCells(springs.trial_u[m], springs.trial_state[m])
         springs.room[m, 0, 0] = d
-        d = press_behind(
-            gap, q, (way1, way2), (t1, t2), hertz_force(larger(motion.depth[c], 0.0), arrays.A[c]),
-            arrays.A[c], springs.residual[m], law, cells, trial, springs.room[m], slip,
-        )  # fmt: skip
+        d = press_behind(m, gap, q, (way1, way2), motion, arrays, springs)
     t1, t2 = cell_force(cells, law)
     motion.heat[c], motion.depth[c] = cells.state[HEAT], d
-    pressed = hertz_force(larger(d, 0.0), arrays.A[c]) if d == d else math.nan
+    springs.pressed[m] = hertz_force(larger(d, 0.0), arrays.A[c]) if d == d else math.nan
     for axis in range(3):
         T[c, axis] = t1 * frame[0, axis] + t2 * frame[1, axis]
-        motion.force[c, axis] = pressed * line[axis] - T[c, axis]
-    reach = arrays.length[c]
+    N, reach = springs.pressed[m], arrays.length[c]
+    motion.force[c, 0] = N * e0 - T[c, 0]
+    motion.force[c, 1] = N * e1 - T[c, 1]
+    motion.force[c, 2] = N * e2 - T[c, 2]
     motion.moment[c, 0] = reach * (e1 * T[c, 2] - e2 * T[c, 1])
     motion.moment[c, 1] = reach * (e2 * T[c, 0] - e0 * T[c, 2])
     motion.moment[c, 2] = reach * (e0 * T[c, 1] - e1 * T[c, 0])
 
 
+@ieee_inline
+def law_of(m: int, springs: ContactSprings) -> TangentialLaw:
+    """The tangential law of contact m with springs."""
+    modulus, bound, radius = springs.law
+    return TangentialLaw(modulus[m], bound[m], radius[m], 0.0)
+
+
 @ieee
 def press_behind(
-    gap: float, q: float, way: tuple[float, float], T: tuple[float, float], before: float,
-    A: float, S: Array, law: TangentialLaw, cells: SpringCells, trial: SpringCells, room: Array,
-    slip: Array,
+    m: int, gap: float, q: float, way: tuple[float, float], motion: SpaceMotion,
+    arrays: SpaceArrays, springs: ContactSprings,
 ) -> float:  # fmt: skip
-    """Move cells by what a compliance S (3, 3) [m/N] in series leaves of an approach `gap` and a
-    way of the surfaces [m], of a Hertz contact whose forces were `before` and T [N]: its overlap
-    [m], from the estimate room[0, 0] on; NaN where no forces answer. `slip` (2,) [m] goes on.
+    """Move the cells of contact m by what the compliance S (3, 3) [m/N] in series leaves of an
+    approach `gap` and a way of the surfaces [m]: its overlap [m], from the estimate room[0, 0] on;
+    NaN where no forces answer.
 
     Broyden's method for overlap and ways of the surfaces, with the inverse of the tangent: that of
     a contact that sticks, again after 15 steps (C. G. Broyden, Math. Comput. 19 (1965) 577).
     """
+    c, S, frame, law = springs.contact[m], springs.residual[m], springs.frame[m], law_of(m, springs)
+    A, T, room = arrays.A[c], motion.traction[c], springs.room[m]
     x, off, last, step, H = room[0], room[1], room[2], room[3], room[4:7]
+    cells = SpringCells(springs.u[m], springs.state[m])
+    trial = SpringCells(springs.trial_u[m], springs.trial_state[m])
+    before1 = T[0] * frame[0, 0] + T[1] * frame[0, 1] + T[2] * frame[0, 2]
+    before2 = T[0] * frame[1, 0] + T[1] * frame[1, 1] + T[2] * frame[1, 2]
     x[1], x[2] = way
     for iteration in range(ITERATIONS):
         copy_cells(cells, trial, law)
         slide_cells(trial, law, x[0], q, x[1], x[2])
         t1, t2 = cell_force(trial, law)
         N = hertz_force(larger(x[0], 0.0), A)
-        change, c1, c2 = N - before, t1 - T[0], t2 - T[1]
+        change, c1, c2 = N - springs.pressed[m], t1 - before1, t2 - before2
         for i in range(3):
             last[i] = off[i]
         off[0] = x[0] + S[0, 0] * N - S[0, 1] * t1 - S[0, 2] * t2 - gap
@@ -668,31 +689,37 @@ def press_behind(
                     H[i, j] = 0.0
                 H[i, i] = 1.0 / (1.0 + S[i, i] * (k_n if i == 0 else k_t))
         else:
-            # the inverse that leads the last step to the change of what is off: Sherman, Morrison
-            for i in range(3):
-                last[i] = off[i] - last[i]
-            scale = 0.0
-            for i in range(3):
-                scale += step[i] * (H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2])
-            if scale != 0.0:
-                s0, s1, s2 = (
-                    step[0] * H[0, 0] + step[1] * H[1, 0] + step[2] * H[2, 0],
-                    step[0] * H[0, 1] + step[1] * H[1, 1] + step[2] * H[2, 1],
-                    step[0] * H[0, 2] + step[1] * H[1, 2] + step[2] * H[2, 2],
-                )
-                for i in range(3):
-                    moved = H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2]
-                    missed = (step[i] - moved) / scale
-                    H[i, 0], H[i, 1], H[i, 2] = (
-                        H[i, 0] + missed * s0, H[i, 1] + missed * s1, H[i, 2] + missed * s2
-                    )  # fmt: skip
+            follow(H, step, off, last)
         for i in range(3):
             step[i] = 0.0 - (H[i, 0] * off[0] + H[i, 1] * off[1] + H[i, 2] * off[2])
             x[i] += step[i]
     copy_cells(trial, cells, law)
-    slip[0] += x[1]
-    slip[1] += x[2]
+    springs.slip[m, 0] += x[1]
+    springs.slip[m, 1] += x[2]
     return x[0]
+
+
+@ieee
+def follow(H: Array, step: Array, off: Array, last: Array) -> None:
+    """Change the inverse H (3, 3) of a tangent, so that it leads from the change of what is off
+    since `last` (3,) to the step, by Sherman's and Morrison's formula; `last` becomes that change.
+    """
+    scale = 0.0
+    for i in range(3):
+        last[i] = off[i] - last[i]
+    for i in range(3):
+        scale += step[i] * (H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2])
+    if scale == 0.0:
+        return
+    s0 = step[0] * H[0, 0] + step[1] * H[1, 0] + step[2] * H[2, 0]
+    s1 = step[0] * H[0, 1] + step[1] * H[1, 1] + step[2] * H[2, 1]
+    s2 = step[0] * H[0, 2] + step[1] * H[1, 2] + step[2] * H[2, 2]
+    for i in range(3):
+        moved = H[i, 0] * last[0] + H[i, 1] * last[1] + H[i, 2] * last[2]
+        missed = (step[i] - moved) / scale
+        H[i, 0] += missed * s0
+        H[i, 1] += missed * s1
+        H[i, 2] += missed * s2
 
 
 @contracted
@@ -1099,9 +1126,9 @@ def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: 
     save_spheres(k, motion, arrays, saved, parts.turning, parts.load, parts.weight)
     save_held(k, motion, saved, parts.held, parts.arms)
     save_contacts(
-        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction,
-        parts.springs,
-    )  # fmt: skip
+        k, motion, arrays, saved, parts.shape, parts.plastic, parts.damping, parts.friction
+    )
+    save_springs(k, motion, arrays, saved, parts.springs)
     save_structure(k, motion, arrays, saved, parts.turning, parts.modes)
     energy[OF_DRIVE] = drive_work(parts.drive)
     total = 0.0
@@ -1195,17 +1222,12 @@ def save_held(
 def save_contacts(
     k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved, shape: ForceShape | None,
     plastic: Plastic | None, damping: Damping | None, friction: Friction | None,
-    springs: ContactSprings | None,
 ) -> None:  # fmt: skip
     """Row k of the contacts' forces, their energies and losses."""
     v, energy, at = motion.v, saved.energy[k], 0
     for c in range(arrays.A.size):
-        d = arrays.overlap[c] - stretch(c, motion.u, motion.point, arrays)[0]
-        pressed, held = 0.0, 0.0
+        d, pressed, held = motion.depth[c], 0.0, 0.0
         if d > 0.0:
-            d = in_series(c, d, arrays, shape, plastic)
-            if springs is not None and springs.row[c] >= 0:
-                d = motion.depth[c]
             if plastic is None:
                 pressed = elastic_force(c, d, arrays.A, shape)
                 held = stored_energy(c, d, pressed, arrays.A, shape)
@@ -1222,38 +1244,41 @@ def save_contacts(
             T = motion.traction
             square = T[c, 0] * T[c, 0] + T[c, 1] * T[c, 1] + T[c, 2] * T[c, 2]
             energy[TANGENTIAL] += 0.5 * square * shear_stiffness(c, d, friction)[1]
-        if springs is not None and springs.row[c] >= 0:
-            save_springs(
-                k, c, elastic_force(c, larger(d, 0.0), arrays.A, shape), motion, saved, springs
-            )
         motion.damper[c, 0] = pressed  # room: for the forces on the structure
         energy[IN_CONTACTS] += motion.lost[c]
         energy[IN_FRICTION] += motion.heat[c]
         if at < saved.contacts.size and saved.contacts[at] == c:
             saved.force[k, at] = pressed
-            for axis in range(3 if friction is not None or springs is not None else 0):
-                saved.traction[k, at, axis] = -motion.traction[c, axis]
+            if friction is not None:
+                for axis in range(3):
+                    saved.traction[k, at, axis] = -motion.traction[c, axis]
             at += 1
 
 
 @ieee
 def save_springs(
-    k: int, c: int, pressed: float, motion: SpaceMotion, saved: SpaceSaved, springs: ContactSprings
-) -> None:
-    """Row k of the exact springs of contact c under `pressed` [N]: slip, share of the area that
-    sticks, heat, energy of the springs and of what tangential forces do in the compliance."""
-    m, T, frame = springs.row[c], motion.traction[c], springs.frame[springs.row[c]]
-    modulus, bound, radius = springs.law
-    law = TangentialLaw(modulus[m], bound[m], radius[m], 0.0)
-    saved.energy[k, TANGENTIAL] += cell_energy(SpringCells(springs.u[m], springs.state[m]), law)
-    S = springs.residual[m]
-    t1 = 0.0 - (T[0] * frame[0, 0] + T[1] * frame[0, 1] + T[2] * frame[0, 2])
-    t2 = 0.0 - (T[0] * frame[1, 0] + T[1] * frame[1, 1] + T[2] * frame[1, 2])
-    saved.energy[k, RESIDUAL] += pressed * (S[0, 1] * t1 + S[0, 2] * t2) + S[1, 2] * t1 * t2
-    saved.energy[k, RESIDUAL] += 0.5 * (S[1, 1] * t1 * t1 + S[2, 2] * t2 * t2)
-    saved.stick[k, m], saved.rubbed[k, m] = springs.state[m, STICK], motion.heat[c]
-    for axis in range(2):
-        saved.slip[k, m, axis] = 0.0 - springs.slip[m, axis]  # of the first over the second
+    k: int, motion: SpaceMotion, arrays: SpaceArrays, saved: SpaceSaved,
+    springs: ContactSprings | None,
+) -> None:  # fmt: skip
+    """Row k of the contacts with exact springs: slip, share of the area that sticks, heat, force,
+    energy of the springs and of what tangential forces do in the compliance in series."""
+    if springs is None:
+        return
+    for m in range(springs.contact.size):
+        c, S, frame = springs.contact[m], springs.residual[m], springs.frame[m]
+        cells, T = SpringCells(springs.u[m], springs.state[m]), motion.traction[c]
+        t1 = 0.0 - (T[0] * frame[0, 0] + T[1] * frame[0, 1] + T[2] * frame[0, 2])
+        t2 = 0.0 - (T[0] * frame[1, 0] + T[1] * frame[1, 1] + T[2] * frame[1, 2])
+        across = 0.5 * (S[1, 1] * t1 * t1 + S[2, 2] * t2 * t2) + S[1, 2] * t1 * t2
+        saved.energy[k, RESIDUAL] += springs.pressed[m] * (S[0, 1] * t1 + S[0, 2] * t2) + across
+        saved.energy[k, TANGENTIAL] += cell_energy(cells, law_of(m, springs))
+        saved.stick[k, m], saved.rubbed[k, m] = cells.state[STICK], motion.heat[c]
+        for axis in range(2):  # of the first over the second
+            saved.slip[k, m, axis] = 0.0 - springs.slip[m, axis]
+        for at in range(saved.contacts.size):
+            if saved.contacts[at] == c:
+                for axis in range(3):
+                    saved.traction[k, at, axis] = 0.0 - T[axis]
 
 
 @ieee

@@ -38,6 +38,7 @@ from beadwave.dem.space.kernel import (
 from beadwave.dem.space.packing import Packing, validate
 from beadwave.dem.space.structure import (
     Structure,
+    contact_forces_at_rest,
     modes_in_march,
     residual_matrices,
     residuals,
@@ -469,14 +470,13 @@ def springs(packing: Packing, structure: Structure | None) -> ContactSprings | N
     if rubbing is None:
         return None
     m = len(rubbing.contact)
-    row = np.full(len(packing.A), -1)
-    row[rubbing.contact] = np.arange(m)
     u, state = open_cells(rubbing.n_cells)
     u, state = np.tile(u, (m, 1, 1)), np.tile(state, (m, 1))
     return ContactSprings(
-        row, np.ascontiguousarray(rubbing.frame), rubbing.law,
+        np.asarray(rubbing.contact, np.int64), np.ascontiguousarray(rubbing.frame), rubbing.law,
         residual_matrices(packing, structure, rubbing.contact), u, state, u.copy(), state.copy(),
-        np.zeros((m, 2)), np.zeros(m), np.zeros((m, 7, 3)),
+        np.zeros((m, 2)), np.zeros(m), contact_forces_at_rest(packing, structure)[rubbing.contact],
+        np.zeros((m, 7, 3)),
     )  # fmt: skip
 
 

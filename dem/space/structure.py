@@ -104,14 +104,21 @@ def residual_matrices(packing: Packing, structure: Structure | None, contacts: N
 
 def rest_forces(packing: Packing, structure: Structure) -> Array:
     """Forces (r,) [N] of the contacts at rest on the points along their directions."""
+    force, pressed = np.zeros(len(structure.phi)), contact_forces_at_rest(packing, structure)
+    for c in np.flatnonzero(packing.pairs[:, 1] <= MOVING):
+        rows = structure.point == MOVING - packing.pairs[c, 1]
+        force[rows] += pressed[c] * structure.direction[rows] @ packing.arm[c]
+    return force
+
+
+def contact_forces_at_rest(packing: Packing, structure: Structure | None) -> Array:
+    """(c,) [N] of the Hertz contacts at rest, whose overlaps include the residual compliance."""
     from beadwave.dem.kernels.laws import hertz_indentation
 
-    residual, force = residuals(packing, structure)[0], np.zeros(len(structure.phi))
-    for c in np.flatnonzero((packing.pairs[:, 1] <= MOVING) & (packing.overlap > 0.0)):
-        d = hertz_indentation.py_func(packing.overlap[c], packing.A[c], residual[c])
-        rows = structure.point == MOVING - packing.pairs[c, 1]
-        force[rows] += packing.A[c] * d**1.5 * structure.direction[rows] @ packing.arm[c]
-    return force
+    residual, d = residuals(packing, structure)[0], np.maximum(packing.overlap, 0.0)
+    for c in np.flatnonzero((residual != 0.0) & (d > 0.0)):
+        d[c] = hertz_indentation.py_func(d[c], packing.A[c], residual[c])
+    return packing.A * d**1.5
 
 
 def modes_in_march(packing: Packing, structure: Structure, spans: Array) -> StructureModes:

@@ -150,6 +150,8 @@ STEEL_ON_STEEL = (R, E, NU, np.inf, E, NU)
 RUBBING = {
     "free": ({}, {}, {}),
     "alone": ({"count": 1}, {}, {"velocity": np.array([0.1, 0.05])}),
+    # the wave announces itself by overlaps of 1e-320 m
+    "long": ({"count": 9}, {"S": True}, {}),
     "damped": ({"dissipation": "hunt-crossley", "gamma": 0.4}, {"S": True}, {}),
     "on an arm": (
         {"preload": 20.0, "leaf_stiffness": np.array([0.0, 4e3, 4e3, 4e3])}, {"S": True},
@@ -203,7 +205,7 @@ def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     assert np.abs(across.slip - other.slip).max() < length
     assert np.abs(across.sphere_t - other.sphere_t).max() < length
     peak = np.abs(other.friction_force).max()
-    assert peak > 1.0
+    assert peak > 0.3
     assert np.abs(across.friction_force - other.friction_force).max() < 2e-4 * peak
     assert np.abs(across.wall_t - other.wall_t).max() < 2 * length
     heat = other.dissipated_friction[-1]

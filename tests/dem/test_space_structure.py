@@ -90,10 +90,19 @@ def test_the_way_across_a_swinging_structure_has_order_two():
     assert coarse.energy_error > 8.0 * fine.energy_error
 
 
-def test_points_that_a_structure_has_not_and_yield_before_one_are_refused():
+def test_points_that_a_structure_has_not_are_refused():
     packing, v0 = hexagonal(3, 2, 0.1), np.zeros((6, 3))
     with pytest.raises(dem.InvalidChain, match="the point 2 of a structure that has 2"):
         space.march(packing, structure(2), v0, duration=1e-4, dt=1e-7)
-    yielding = packing._replace(yield_overlap=np.full(len(packing.A), 1e-6))
-    with pytest.raises(dem.InvalidChain, match="contacts that yield"):
-        space.march(yielding, structure(3), v0, duration=1e-4, dt=1e-7)
+
+
+def test_contacts_that_yield_before_a_structure_close_the_ledger():
+    """Contacts at the structure share their approach with its residual compliance."""
+    packing, behind = hexagonal(3, 2, 0.0), structure(3)
+    packing = packing._replace(yield_overlap=np.full(len(packing.A), 1e-6), friction=None)
+    v0 = struck(packing, 1, [0.0, 0.3, 0.0])
+    run = space.march_to_error(packing, behind, v0, duration=1.5e-4, error=1e-5, n_save=30)
+    assert run.energy_error < 1e-7
+    assert run.dissipated_contact[-1] > 0.1 * run.energy_kinetic[0]
+    at_structure = run.pairs[:, 1] <= space.MOVING
+    assert run.pair_force[:, at_structure].max() > packing.A[-1] * 1e-6**1.5

@@ -164,6 +164,11 @@ def test_a_record_of_several_chains_is_none_of_one(drops):
         beadwave.inspect("sensed-beam", drops[0], find="beam.young")
 
 
+def test_chains_with_friction_are_not_compared_with_records(drops):
+    with pytest.raises(InvalidScene, match=r"chains.above has friction"):
+        beadwave.inspect(PLATE | {"friction": {"coefficient": 0.1}}, drops[0], find=KEYS[0])
+
+
 def test_a_number_of_each_record_that_changes_the_structure_is_refused(drops):
     with pytest.raises(InvalidScene, match="changes the structure, which all records share"):
         beadwave.inspect(PLATE, drops, find="damping.ratio", each="materials.steel.young")

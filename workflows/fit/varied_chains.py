@@ -119,9 +119,15 @@ def varied_chains(
     """The scene as a function of its keys, the first n_shared of them within the bounds.
 
     Computes the structures between which others lie where keys change the structure. Raises
-    InvalidScene for structures that cannot follow.
+    InvalidScene for structures that cannot follow, and for chains with friction.
     """
     scene = base.with_values({})
+    rubbing = [name for name, one in scene.of_each_chain.items() if one.friction]
+    if rubbing:
+        raise InvalidScene(
+            f"{scene.name}: chains.{rubbing[0]} has friction, with which several chains are not "
+            "compared with records; drop [friction], or take one [chain]."
+        )
     pipeline = pipeline_of(scene, progress)
     checked = not all(stands_alone(base, scene, key) for key in keys)
     contacts = pipeline("chain-contacts")

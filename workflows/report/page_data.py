@@ -156,9 +156,14 @@ def _chains(
         zip(scene.chains, summary.chains.items(), strict=True)
     ):
         columns = np.flatnonzero(of_chain == i)
-        for s in [s for s in scene.output.spheres if s <= row.count] or (1, row.count):
+        spheres = row.output.spheres if row.output else scene.output.spheres
+        for s in [s for s in spheres if s <= row.count] or (1, row.count):
             curves["velocity"].append((f"{name}: sphere {s}", "m/s", run["v"][:, columns[s - 1]]))
         curves["force"].append((name, "N", run["contact_force"][:, columns[-1]]))
+        if i in run.get("rubbing", ()):
+            friction = run["friction_force"][:, int(np.searchsorted(run["rubbing"], i))]
+            axis = int(np.ptp(friction, axis=0).argmax())
+            curves["force"].append((f"{name}: friction along t{axis + 1}", "N", friction[:, axis]))
         curves["wall"].append((name, "m", run["wall_x"][:, i]))
         marks |= {
             f"{name}: {sphere}": [arrival.model_dump() for arrival in waves.arrivals]

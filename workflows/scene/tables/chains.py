@@ -35,6 +35,7 @@ class ChainStriker(SceneTable):
 class ChainOutput(SceneTable):
     """At which spheres of a chain its waves are observed, in place of [output]."""
 
+    # numbers of the chain's spheres whose waves are reported
     spheres: Annotated[tuple[Count, ...], Field(strict=False)] = ()
 
 

@@ -125,7 +125,7 @@ def last_sphere(scene: Scene, start: Start) -> LastSphere:
     )
 
 
-def friction_numbers(
+def numbers_across(
     scene: Scene,
     start: Start,
     force: float,
@@ -157,6 +157,17 @@ def friction_numbers(
         dt_s=dt,
         error_estimate=error,
     )
+
+
+def friction_numbers(
+    scene: Scene, start: Start, impact: coupling.Impact, lateral: LateralTrajectory
+) -> FrictionNumbers:
+    """`numbers_across` of one chain, with the periodic state before the striker."""
+    run, step = impact.trajectory, (lateral.dt, lateral.error_estimate)
+    numbers = numbers_across(scene, start, float(run.contact_force[:, -1].max()), lateral, *step)
+    if not lateral.cycle:
+        return numbers
+    return numbers.model_copy(update=cycle_numbers(scene, run, lateral))
 
 
 def cycle_numbers(
@@ -217,13 +228,9 @@ def chain_numbers(
     those along the chain and across it together, or of the one march of both at a structure."""
     along = of_chain.chain_numbers(scene, start, wall, impact, waves)
     together = max if isinstance(scene.wall, RomWall) else add
-    force = float(impact.trajectory.contact_force[:, -1].max())
-    friction = friction_numbers(scene, start, force, lateral, lateral.dt, lateral.error_estimate)
-    if lateral.cycle:
-        friction = friction.model_copy(update=cycle_numbers(scene, impact.trajectory, lateral))
     numbers = {
         "energy_error": together(along.numbers["energy_error"], lateral.energy_error),
-        "friction": friction,
+        "friction": friction_numbers(scene, start, impact, lateral),
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding
         numbers["waves"] = {}

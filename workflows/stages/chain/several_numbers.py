@@ -19,7 +19,7 @@ from beadwave.workflows.report.summary import (
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.chain.chain import contact_radius
-from beadwave.workflows.stages.chain.friction import friction_numbers
+from beadwave.workflows.stages.chain.friction import numbers_across
 from beadwave.workflows.stages.chain.several import ChainsStart
 from beadwave.workflows.stages.chain.waves import chain_contact, sphere_waves
 
@@ -45,9 +45,7 @@ def chains_numbers(
         peak = float(run.contact_force[:, -1].max())
         friction = None
         if run.across is not None:
-            friction = friction_numbers(
-                one, first, peak, run.across, march.dt, march.error_estimate
-            )
+            friction = numbers_across(one, first, peak, run.across, march.dt, march.error_estimate)
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
             contact_radius_m=first.ellipse.size * contact_radius(one, first, peak),

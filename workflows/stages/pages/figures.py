@@ -35,13 +35,30 @@ def of_chain(scene: Scene, impact: Impact, waves: ChainWaves) -> tuple[Picture, 
 def of_chains(
     scene: Scene, march: "SpaceTrajectory", waves: "tuple[tuple[RowRun, ChainWaves], ...]"
 ) -> tuple[Picture, ...]:
-    """Figures of several chains: forces at the structure, a map over time of each, energies."""
+    """Figures of several chains: forces at the structure, of those that rub friction and the share
+    that sticks, a map over time of each, energies."""
     names = [row.name for row in scene.chains]
     lines = [
         Line(name, 1e3 * run.t, run.contact_force[:, -1], None, i, 1.2)
         for i, (name, (run, _)) in enumerate(zip(names, waves, strict=True))
     ]
-    forces = Panel("", "time [ms]", "force at the\nstructure [N]", lines, legend="above")
+    forces = [Panel("", "time [ms]", "force at the\nstructure [N]", lines, legend="above")]
+    rubbing = [
+        (i, name, run) for i, (name, (run, _)) in enumerate(zip(names, waves, strict=True))
+        if run.across is not None
+    ]  # fmt: skip
+    if rubbing:
+        friction, sticking = [], []
+        for i, name, run in rubbing:
+            axis = int(np.ptp(run.across.friction_force, axis=0).argmax())
+            along = f"{name}, t{axis + 1}"
+            force, stick = run.across.friction_force[:, axis], 100 * run.across.stick_share
+            friction.append(Line(along, 1e3 * run.t, force, None, i, 1.2))
+            sticking.append(Line(name, 1e3 * run.t, stick, None, i, 1.2))
+        forces += [
+            Panel("", "time [ms]", "friction at the\nstructure [N]", friction, legend="above"),
+            Panel("", "time [ms]", "of the area\nsticks [%]", sticking, legend="above"),
+        ]
     figure, axes = plots.subplots(len(names), 1, (8, 1.0 + 2.6 * len(names)), sharex=True)
     for axis, name, (run, followed) in zip(axes, names, waves, strict=True):
         tracked(axis, run, followed.tracks)
@@ -49,7 +66,7 @@ def of_chains(
     for axis in axes[:-1]:
         axis.set_xlabel("")
     return (
-        Picture("forces", plots.panels([forces], size=(8, 3.2))),
+        Picture("forces", plots.panels(forces, size=(8, 3.2))),
         Picture("waves", plots.png(figure)),
         Picture("energies", energies(march._asdict())),
     )
