@@ -8,6 +8,11 @@ true error. Below stand, of hexahedra, of tetrahedra, of each kind of structure 
 
     ratio = stated error / true error      of each frequency and compliance that is told apart
     share = unknowns / unknowns of mesh.scale alone at the same true error
+    least = the share that the indicators of such a mesh foresee of the best sizes
+
+The second has sizes that vary from element to element (from layer to layer of boxes) without any
+limit, and errors that fall with their orders. Of stresses that change over a whole body smoothly
+it is near 1, of singular edges it falls with the error.
 
 The structures are those of `mesh_errors.py`, plates on springs with a mass, boxes tied to a plate
 of small elements, thick tubes, boxes whose lids are screwed on by small washers, stepped shafts,
@@ -39,12 +44,14 @@ import gmsh
 import numpy as np
 
 from beadwave import fem, geometry
+from beadwave.fem.errors.optimal_sizes import balanced_weights, kappa_for
 from beadwave.fem.modes.mac import RIGID
 from beadwave.geometry.meshing.gmsh_session import session, silent
 from beadwave.workflows.files.scene import scene as load_scene
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
+from beadwave.workflows.stages.errors.adapted_sizes import indicators, layouts_of, solved_on
 from beadwave.workflows.stages.structure import assembly, bodies
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import contact_of
@@ -309,6 +316,7 @@ class Row(NamedTuple):
     ended: str  # the bound that ended the search, or "met"
     unknowns: list[int]  # of each mesh
     share: float  # unknowns over those of even meshes of the same true error
+    least: float  # the share foreseen of the best sizes
     # relative errors of the frequencies, and of the compliance last: nan of those that are not told
     stated_of: list[float]
     true_of: list[float]
@@ -382,14 +390,15 @@ def compared(
         own = own + np.abs(moved) / 2
     limit = limit[:-1], limit[-1]
 
-    # even meshes: their largest true errors
-    even = []
+    # even meshes: their largest true errors, and shares foreseen of the best sizes beside them
+    even, foreseen = [], []
     for scale in scales:
         parts = bodies.parts(scene.but(mesh={"scale": scale, "error": None}))
         if 3 * sum(parts.nodes.values()) > BOUND:
             break
         on_mesh = goals(scene, parts, points)
         even.append((on_mesh.unknowns, np.nanmax(errors(on_mesh, limit, finest))))
+        foreseen.append(least_share(scene, parts))
 
     for pipeline, asked in zip(held, asked_errors, strict=True):
         adapted, modes, missed = (pipeline(name) for name in ("sizes", "modes", "missed-energy"))
@@ -404,10 +413,11 @@ def compared(
             stated[-1] = missed.of_compliance / on_mesh.whole
         told = np.isfinite(stated) & (true > 2 * own)
         worst = np.nanargmax(true)
+        largest = true[worst] if told[worst] else np.nan
         yield Row(
             scene.name, kind or scene.name, scene.mesh.element, asked, adapted.stated,
             adapted.bounded_by or "met", [m.unknowns for m in adapted.meshes],
-            on_mesh.unknowns / even_unknowns(even, true[worst] if told[worst] else np.nan),
+            on_mesh.unknowns / even_unknowns(even, largest), at_error(even, foreseen, largest),
             np.where(told, stated, np.nan).tolist(), np.where(told, true, np.nan).tolist(),
         )  # fmt: skip
 
@@ -422,6 +432,32 @@ def even_unknowns(even: list[tuple[int, float]], error: float) -> float:
         order = np.argsort(np.abs(e - np.log(error)))[:3]
         slope, start = np.polyfit(e[order], n[order], 1)
     return float(np.exp(start + slope * np.log(error))) if slope < 0 else np.nan
+
+
+def least_share(scene: Scene, parts: Parts) -> float:
+    """Unknowns that the best sizes take for the errors that the mesh states, over its own."""
+    found = indicators(scene, solved_on(scene, parts))
+    layouts = {
+        body: layout._replace(regions=[r._replace(coarsest=np.inf) for r in layout.regions])
+        for body, layout in layouts_of(parts, found).items()
+    }
+    regions = [region for layout in layouts.values() for region in layout.regions]
+    stated = float(np.max(sum(r.energy.sum(axis=0) for r in regions)))
+    weights = balanced_weights(regions, stated)
+    kappa = kappa_for(regions, stated, weights)
+    nodes = parts.nodes
+    of_bodies = [
+        nodes[body] * layout.growth([r.factors(kappa, weights) for r in layout.regions])
+        for body, layout in layouts.items()
+    ]
+    return sum(of_bodies) / sum(nodes.values())
+
+
+def at_error(even: list[tuple[int, float]], values: list[float], error: float) -> float:
+    """The value of the even mesh whose error is the nearest."""
+    if not even or not np.isfinite(error):
+        return np.nan
+    return values[int(np.argmin(np.abs(np.log([e for _, e in even]) - np.log(error))))]
 
 
 def main(words: list[str] | None = None) -> None:
@@ -476,7 +512,8 @@ def rows_of(path: Path) -> list[Row]:
 def line(row: Row) -> str:
     return (
         f"{row.name:18} {row.element} asked {row.asked:5.1%} stated {row.stated:6.2%} "
-        f"true {row.true:6.2%} share {row.share:5.2f} {row.ended:8} "
+        f"true {row.true:6.2%} share {row.share:5.2f} "
+        f"least {row.least:5.2f} {row.ended:8} "
         f"{', '.join(map(str, row.unknowns))}"
     )
 
@@ -485,7 +522,7 @@ def summary(rows: list[Row]) -> str:
     """Ratios of numbers and of whole meshes, errors met, and shares, as a line."""
     ratios = np.array([ratio for row in rows for ratio in row.ratios])
     whole = np.array([row.stated / row.true for row in rows if np.isfinite(row.true)])
-    share = np.array([row.share for row in rows if np.isfinite(row.share)])
+    share, least = np.array([[row.share, row.least] for row in rows if row.share > 0] or [[], []]).T
     if not len(ratios):
         return "none"
     return (
@@ -495,6 +532,7 @@ def summary(rows: list[Row]) -> str:
         f"{whole.min():.2f} least, {np.median(whole):.2f} median, met by "
         f"{sum(row.stated <= row.asked for row in rows)} of {len(rows)}; unknowns over even "
         + (f"{np.median(share):.2f} median of {len(share)}" if len(share) else "not compared")
+        + (f", foreseen {np.median(least):.2f} at least" if len(share) else "")
     )
 
 

@@ -37,6 +37,7 @@ class Regions(NamedTuple):
     cost: NDArray[np.float64]  # (n,) unknowns that each has now
     dimension: int  # directions in which a region is divided
     order: NDArray[np.float64]  # (n,) of the error
+    coarsest: float = COARSEST  # times the size, at most
 
     def factors(self, kappa: float, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Times their sizes (n,), with one kappa and weights (k,) for all regions of a mesh."""
@@ -44,7 +45,7 @@ class Regions(NamedTuple):
         f = (kappa * self.dimension * self.cost / (self.order * e)) ** (
             1 / (self.order + self.dimension)
         )
-        return np.minimum(f, COARSEST)
+        return np.minimum(f, self.coarsest)
 
     def errors(self, f: NDArray[np.float64]) -> NDArray[np.float64]:
         """Energies (k,) missed with sizes times f (n,), over what is allowed."""

@@ -88,10 +88,10 @@ def body_meshes(
     """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
 
     Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
-    another body, under the same name in both. `element` = "tet" meshes all in tetrahedra; else what
-    is an extrusion is meshed in hexahedra. Raises InvalidGeometry for a seed that would give too
-    many nodes, and ValueError, naming the body, for what gmsh cannot mesh. A command ends where a
-    body takes longer than `seconds`.
+    another body, under the same name in both. `element` = "tet" meshes all in tetrahedra, as do
+    sizes that are of tetrahedra; else what is an extrusion is meshed in hexahedra. Raises
+    InvalidGeometry for a seed that would give too many nodes, and ValueError, naming the body, for
+    what gmsh cannot mesh. A command ends where a body takes longer than `seconds`.
     """
     for body in bodies.values():
         size = sizes.of(body)
@@ -114,7 +114,11 @@ def body_meshes(
                 fitting = fitted(body, patches or {}, gap, size.around)
                 imprints = regions(body, touching, fitting, gap)
                 order = (body, imprints, named or {}, size, gap)
-                mesh, middles = (None if element == "tet" else hexahedra(*order)) or tetrahedra(
+                # sizes of tetrahedra fit no layers: a wall that hexahedra filled for the first time
+                # at its second mesh had 19 times the nodes in place of 5
+                of_tetrahedra = size.field is not None and not size.field.axes.any()
+                all_tetrahedra = element == "tet" or of_tetrahedra
+                mesh, middles = (None if all_tetrahedra else hexahedra(*order)) or tetrahedra(
                     *order
                 )
         except ValueError as error:

@@ -1,8 +1,9 @@
 """Element sizes that vary over a body, at points of an earlier mesh of it.
 
-Between the points the nearest one counts, on the base of an extrusion linear interpolation; sizes
-grow from a point to the next by `GRADING` at most. A body in layers has a size across its axis and
-one along it, a box one along each of its edges: elements may stay long along an edge.
+Between the points the nearest one counts, on the base of an extrusion and along an axis linear
+interpolation; sizes grow from a point to the next by `GRADING` at most. A body in layers has a size
+across its axis and one along it, a box one along each of its edges: elements may stay long along an
+edge.
 """
 
 from typing import NamedTuple
@@ -87,14 +88,16 @@ class SizeField(NamedTuple):
 def smallest_at(
     coordinate: NDArray[np.float64], size: NDArray[np.float64], x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The smallest sizes at x (k,) of those (n,) at coordinates (n,), grown from there."""
+    """Sizes at x (k,), on lines through the smallest of those (n,) at coordinates (n,), grown from
+    there: sizes that grow from a single layer's middle on make one of 1.6 layers."""
     low, high = coordinate.min(), coordinate.max()
     place = np.round((coordinate - low) / max(high - low, 1e-12) * N_PLACES).astype(int)
     smallest = np.full(N_PLACES + 1, np.inf)
     np.minimum.at(smallest, place, size)
     there = np.isfinite(smallest)
     at = np.linspace(low, high, N_PLACES + 1)[there]
-    return np.min(smallest[there] + GRADING * np.abs(x[:, None] - at), axis=1)
+    grown = np.min(smallest[there] + GRADING * np.abs(at[:, None] - at), axis=1)
+    return np.interp(x, at, grown)
 
 
 def rounded(sizes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -69,6 +69,21 @@ def test_tetrahedra_are_small_where_it_is_asked():
     assert lengths(mesh, False) == pytest.approx(1.15 * 9e-3, rel=0.2)
 
 
+def test_sizes_of_tetrahedra_mesh_a_box_in_tetrahedra():
+    """No layer fits sizes that vary in all directions."""
+    p = points()
+    field = SizeField(p, np.full((len(p), 1), 9e-3), np.zeros((1, 3)))
+    assert isinstance(mesh_with(field), MeshTet)
+
+
+def test_a_single_layer_of_elements_is_divided_as_its_size_asks_for():
+    """Sizes at the middles of single elements: these do not grow within the elements."""
+    sizes = SIDE / np.array([5.6, 2.6, 1.4])
+    field = SizeField(np.zeros((1, 3)), sizes[None], np.eye(3))
+    x, y, z = (np.unique(np.round(c, 9)) for c in mesh_with(field).p)
+    assert (len(x) - 1, len(y) - 1, len(z) - 1) == (6, 3, 1)
+
+
 def test_a_box_has_a_size_along_each_edge():
     """Small along x at its low end alone: no element is smaller along y and z."""
     p = points()

@@ -162,7 +162,7 @@ def search(scene: Scene) -> Search:
         began = perf_counter()
         last = None  # the structure on the mesh before makes room
         mesh, sizes = _meshed(scene, sizes, *aim)
-        last = _solved(scene, mesh)
+        last = solved_on(scene, mesh)
         if last.factor is None and last.contacts and not sizes.fine:
             # of what floats no compliance is bounded
             sizes = sizes._replace(fine=True)
@@ -211,7 +211,7 @@ def search(scene: Scene) -> Search:
     return Search(adapted, last.by_stage if best == len(tried) - 1 else {})
 
 
-def _solved(scene: Scene, mesh: Parts) -> Solved:
+def solved_on(scene: Scene, mesh: Parts) -> Solved:
     """The structure on a mesh, solved as a run solves it."""
     model = stages.model(scene, mesh)
     factor = stages.factor(scene, model)
@@ -386,7 +386,7 @@ def goals(scene: Scene, modes: AssemblyModes) -> NDArray[np.int64]:
     return targets if len(targets) else elastic[: scene.mesh.modes]
 
 
-class _Layout(NamedTuple):
+class Layout(NamedTuple):
     """Regions of a body's mesh, and the size of each cell along each axis of its size field."""
 
     regions: list[Regions]
@@ -406,10 +406,28 @@ class _Layout(NamedTuple):
         )
 
     def growth_to(self, sizes: NDArray[np.float64]) -> float:
-        """Times the nodes of the body with these sizes (cells, m) and more."""
-        powers = [region.dimension for region in self.regions]
-        shrunk = self.sizes / sizes[: len(self.sizes)]
-        return float(np.mean(np.prod(shrunk**powers, axis=1)))
+        """Times the nodes of the body with these sizes (cells, m) and more: a layer or a column has
+        the smallest of its cells."""
+        growth = 1.0
+        for axis, (region, of_cell) in enumerate(zip(self.regions, self.of_cell, strict=True)):
+            smallest = np.full(len(region.cost), np.inf)
+            np.minimum.at(smallest, of_cell, sizes[: len(of_cell), axis])
+            now = np.bincount(of_cell, self.sizes[:, axis]) / np.bincount(of_cell)
+            growth *= np.mean((now / smallest) ** region.dimension)
+        return float(growth)
+
+
+def layouts_of(mesh: Parts, found: Indicators) -> dict[str, Layout]:
+    """The regions of every body."""
+    singular = {body: np.zeros(m.nelements, bool) for body, m in mesh.meshes.items()}
+    for place in error_places(mesh):
+        if place.singular:
+            singular[place.body] |= place.cells
+    nodes = mesh.nodes
+    return {
+        body: _layout(m, found.of_cells[body], found.of_axes.get(body), singular[body], nodes[body])
+        for body, m in mesh.meshes.items()
+    }
 
 
 def next_sizes(
@@ -418,15 +436,7 @@ def next_sizes(
     """Sizes (by body) of the next mesh, whose unknowns are `least_growth` times today's at least
     and `most_growth` times at most; times how many it would take to miss no more than the energy
     allowed; and whether the bound made them larger."""
-    singular = {body: np.zeros(m.nelements, bool) for body, m in mesh.meshes.items()}
-    for place in error_places(mesh):
-        if place.singular:
-            singular[place.body] |= place.cells
-    nodes = mesh.nodes
-    layouts = {
-        body: _layout(m, found.of_cells[body], found.of_axes.get(body), singular[body], nodes[body])
-        for body, m in mesh.meshes.items()
-    }
+    nodes, layouts = mesh.nodes, layouts_of(mesh, found)
     everything = [region for layout in layouts.values() for region in layout.regions]
 
     weights = balanced_weights(everything, AIM)
@@ -460,7 +470,7 @@ def next_sizes(
 
 
 def _fields(
-    mesh: Parts, layouts: dict[str, _Layout], kappa: float, weights: NDArray[np.float64]
+    mesh: Parts, layouts: dict[str, Layout], kappa: float, weights: NDArray[np.float64]
 ) -> dict[str, SizeField]:
     """Sizes by one kappa, levelled at ties and graded, at the cells' middles first."""
     fields = {}
@@ -482,7 +492,7 @@ def _layout(
     of_axes: NDArray[np.float64] | None,
     singular: NDArray[np.bool_],
     nodes: float,
-) -> _Layout:
+) -> Layout:
     """Regions of a mesh: its tetrahedra; layers and columns of hexahedra; layers along all axes."""
     corners = mesh.p[:, mesh.t]  # (3, corner, cell)
     each = nodes / mesh.nelements
@@ -501,7 +511,7 @@ def _layout(
         each_cell = np.arange(mesh.nelements)
         tetrahedra = regions(of_cells, each_cell, 3)
         sizes = OF_TETRAHEDRA * size[:, None]
-        return _Layout([tetrahedra], [each_cell], sizes, np.zeros((1, 3)))
+        return Layout([tetrahedra], [each_cell], sizes, np.zeros((1, 3)))
 
     # vectors along X, Y and Z of each cell, their directions in most cells, and which of these all
     # cells share
@@ -521,7 +531,7 @@ def _layout(
     if all(shared):
         groups = [layers(axis) for axis in range(3)]
         parts = [regions(of_axes[:, i], groups[i], 1) for i in range(3)]
-        return _Layout(parts, groups, length.T, axes)
+        return Layout(parts, groups, length.T, axes)
     up = int(np.argmax(shared))
     across = [axis for axis in range(3) if axis != up]
     axis = axes[up]
@@ -533,7 +543,7 @@ def _layout(
         regions(of_axes[:, up], groups[1], 1),
     ]
     sizes = np.column_stack([OF_QUADRILATERALS * length[across].mean(axis=0), length[up]])
-    return _Layout(parts, groups, sizes, np.array([np.zeros(3), axis]))
+    return Layout(parts, groups, sizes, np.array([np.zeros(3), axis]))
 
 
 def _levelled(mesh: Parts, fields: dict[str, SizeField]) -> dict[str, SizeField]:
