@@ -63,6 +63,7 @@ POINTS = "point", "point_v", "middle_point", "pressed_point"  # of a structure, 
 # with 1400
 LEAST_SHARE, MOST_WORKERS = 2000, 8
 MOST_WORK = 2e11  # contacts computed in one search: an hour
+MOST_UNSTABLE = 6  # marches that are not finite, each by a quarter of the step before
 # of the error, what the ledger may leave open: where contacts rub by exact springs more, of which
 # their cells make the largest part
 LEDGER, LEDGER_OF_SPRINGS = 1e-2, 0.2
@@ -223,7 +224,7 @@ def march_to_error(
     order = event_order(packing)
     run = {"duration": duration, "n_save": n_save, "saved": saved}
     step, coarse, spent = first_step(packing, v, duration), None, 0.0
-    of_cells = None  # SpaceErrors of the cells
+    of_cells, unstable = None, 0  # SpaceErrors of the cells; marches that were not finite
     ledger = LEDGER if packing.springs is None else LEDGER_OF_SPRINGS
     best: tuple[float, float] | None = (
         None  # step and excess of the march from which none is better
@@ -240,6 +241,9 @@ def march_to_error(
         try:
             fine = march(packing, wall, v0, dt=step, **run)
         except UnstableStep:
+            unstable += 1
+            if unstable > MOST_UNSTABLE:
+                raise
             step, coarse = step / 4.0, None
             continue
         if packing.springs is not None and of_cells is None:

@@ -23,6 +23,7 @@ from beadwave.dem.spheres import (
 
 # in the place of a contact's second sphere: a plane, and point k of a structure as MOVING - k
 AT_REST, MOVING = -1, -2
+NO_YIELD = 1.0  # [m] of overlap to yield that no contact reaches
 
 
 class Plane(NamedTuple):
@@ -217,12 +218,14 @@ def validate(packing: Packing, v0: ArrayLike) -> Array:
             packing.friction is None,
             "contacts rub by springs or by Mindlin's increments; give springs or friction",
         )
+        contact = packing.springs.contact
         require(
-            packing.dissipation in ("none", "hunt-crossley"),
+            packing.dissipation in ("none", "hunt-crossley") or not packing.gamma[contact].any(),
             "contacts that rub by springs are elastic or damped by hunt-crossley; take one of them",
         )
         require(
-            packing.yield_overlap is None, "contacts that rub by springs are elastic; drop yield"
+            packing.yield_overlap is None or np.all(packing.yield_overlap[contact] >= NO_YIELD),
+            "contacts that rub by springs are elastic; give them no yield",
         )
     return v0
 

@@ -18,7 +18,7 @@ from beadwave.dem.lateral import LastSphere, checked_last_sphere, require_hertz
 from beadwave.dem.prepared import prepare
 from beadwave.dem.space.kernel import Arms, Guides, HoldingSprings, Numbers
 from beadwave.dem.space.march import SpaceTrajectory
-from beadwave.dem.space.packing import MOVING, Packing, RubbingContacts, line_guides
+from beadwave.dem.space.packing import MOVING, NO_YIELD, Packing, RubbingContacts, line_guides
 from beadwave.dem.space.structure import Structure, residual_matrices
 from beadwave.dem.statics import NoEquilibrium
 from beadwave.dem.walls import Wall
@@ -107,8 +107,8 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     fields = {}
     if laws:
         fields = {"dissipation": laws.pop(), "gamma": joined["gamma"][order]}
-    if np.isfinite(joined["yield_overlap"]).any():  # no contact is pressed by a metre
-        fields["yield_overlap"] = np.minimum(joined["yield_overlap"], 1.0)[order]
+    if np.any(joined["yield_overlap"] < NO_YIELD):
+        fields["yield_overlap"] = joined["yield_overlap"][order]
     load, weight = (joined[name][:, None] * direction for name in ("load", "weight"))
     velocity = joined["velocity"][:, None] * direction
     springs = [(i, np.sqrt(joined["leaf"][i]) * direction[i])
@@ -238,7 +238,9 @@ def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
         "A": np.asarray(chain.A, float),
         "gamma": np.broadcast_to(0.0 if chain.gamma is None else chain.gamma, n),
         "leaf": chain.springs[0],
-        "yield_overlap": np.full(n, np.inf) if chain.yield_overlap is None else chain.yield_overlap,
+        "yield_overlap": np.broadcast_to(
+            NO_YIELD if chain.yield_overlap is None else chain.yield_overlap, n
+        ),
         "load": np.zeros(n) if load is None else load,
         "weight": chain.gravity * mass,
         "overlap": overlap,

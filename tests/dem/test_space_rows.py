@@ -215,6 +215,34 @@ def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     assert mine.energy_error < 0.2 * error
 
 
+def test_a_row_that_rubs_leaves_the_laws_of_others_alone():
+    """Beside it a row that yields, damped by a linear damper: each as it is alone."""
+    phi = np.zeros((4, 8))
+    phi[:3, :4], phi[3, 4:] = ALONG_AND_ACROSS, PHI[0]
+    omega, zeta, point = np.tile(OMEGA, 2), np.tile(ZETA, 2), np.array([0, 0, 0, 1])
+    behind = space.Structure(omega, zeta, phi, point, np.vstack([AXES, RIGHT]), np.zeros((2, 2)))
+    law = tangential_law(0.2, *STEEL_ON_STEEL)
+    rubbing, other = chain(3), chain(3, dissipation="linear", gamma=2.0)
+    other = other._replace(yield_overlap=np.full(3, 5e-7))
+    last = LastSphere(law, 0.4 * float(rubbing.mass[-1]) * R**2, np.zeros(2))
+    first = space.Row(rubbing, striking(3, 0.3), np.zeros(3), AXES[0], last=last)
+    second = space.Row(other, striking(3, 0.3), np.zeros(3), RIGHT)
+    run = {"duration": 2e-4, "error": 1e-4, "n_save": 50}
+
+    def march(rows, structure):
+        rows = space.rows_of(rows, structure)
+        found = space.march_to_error(rows.packing, structure, rows.velocity, **run)
+        return space.row_runs(rows, structure, found)
+
+    together = march([first, second], behind)
+    one = space.Structure(OMEGA, ZETA, phi[:3, :4], point[:3], AXES, np.zeros((1, 2)))
+    two = space.Structure(OMEGA, ZETA, phi[3:, 4:], point[:1], RIGHT[None], np.zeros((1, 2)))
+    for i, (row, structure) in enumerate(((first, one), (second, two))):
+        (alone,) = march([row], structure)
+        assert np.abs(together[i].v - alone.v).max() < 2e-4 * 0.3
+    assert together[0].across.friction_force.any() and together[1].across is None
+
+
 def test_rows_that_rub_state_their_errors_and_close_their_ledgers():
     """Beside marches by an eighth of the step with four times the cells."""
     for seed in (3, 4, 5):

@@ -209,6 +209,17 @@ def test_each_chain_has_its_own_friction_arm_and_output():
     assert run.summary.energy_error < 1e-6
 
 
+def test_weight_across_all_chains_and_chains_that_nothing_presses_are_told():
+    far = {"striker": {"velocity": 0.01, "time": 3e-4}}
+    run = beadwave.impact(
+        PLATE | {"chains": [TOP | far], "gravity": {"direction": [1, 0, 0]}},
+        {"time.duration": 3.2e-4, "reduction.error": 1e-2},
+    )
+    told = " ".join(run.summary.warnings)
+    assert "chains.top: Nothing presses on the structure within time.duration = 0.00032 s" in told
+    assert "[gravity] acts across all chains" in told
+
+
 def test_chains_at_one_place_are_refused_before_the_mesh():
     with pytest.raises(InvalidScene, match=r"chains.top and chains.end overlap by 0.0113 m"):
         beadwave.scene(TWO | {"chains": [TOP, TOP | {"name": "end", "at": [0.0106, 0.0004]}]})

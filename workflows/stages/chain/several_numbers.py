@@ -26,6 +26,7 @@ from beadwave.workflows.stages.chain.waves import chain_contact, sphere_waves
 if TYPE_CHECKING:
     from beadwave.coupling.sensors import SensorRecord  # scipy's filters, a second
 
+UNPRESSED = 1e-6  # of the largest force in a chain, what does not press on the structure
 Runs = tuple[tuple[space.RowRun, ChainWaves], ...]
 
 
@@ -66,6 +67,11 @@ def chains_numbers(
         "peak_wall_force_N": max(numbers.peak_wall_force_N for numbers in each.values()),
         "chains": each,
     }
+    if scene.gravity and not march.work_gravity.any():
+        warned.append(
+            "[gravity] acts across all chains, whose guides carry their weight: it changes "
+            "nothing; turn gravity.direction, or drop it."
+        )
     if march.error_estimate is None:
         warned.append(
             "The error of a given time.dt is not estimated for several chains; give time.error to "
@@ -76,6 +82,12 @@ def chains_numbers(
 
 def _warnings(scene: Scene, start, run: space.RowRun, waves: ChainWaves) -> Iterator[str]:
     """Warnings on one of several chains."""
+    # a wave announces itself by forces of 1e-300 N
+    if run.contact_force[:, -1].max() <= UNPRESSED * run.contact_force.max():
+        yield (
+            f"Nothing presses on the structure within time.duration = {scene.time.duration:g} s; "
+            "take longer, or a faster striker."
+        )
     yield from dem.outside(warnings.strain(scene, start, run))
     yield from dem.yielding(start.chain, run)
     yield from warnings.unequal_spheres(start)
