@@ -5,10 +5,11 @@ with drawn(shapes, step, volumes, gap) as drawing:    bodies, and which of them 
     meshes, fineness = meshed(drawing, chosen, ties, named, sizing)
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import inf
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,9 +20,10 @@ from beadwave import system
 from beadwave.geometry.cad.contacts import Neighbours, TouchingPair, require_apart
 from beadwave.geometry.cad.face_triangles import drawn_face_triangles, own_face_triangles
 from beadwave.geometry.cad.joints import NamedParts
+from beadwave.geometry.cad.round_contacts import RoundContact
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.shapes import Shape
-from beadwave.geometry.cad.solids import Body, Vector, require_size
+from beadwave.geometry.cad.solids import Body, Vector, parallel, require_size
 from beadwave.geometry.errors import InvalidGeometry
 from beadwave.geometry.meshing.size_field import SizeField
 from beadwave.geometry.own_mesh.mesh_bodies import OwnMesh, own_mesh
@@ -45,6 +47,18 @@ class Drawing(NamedTuple):
     near: Neighbours
     own: OwnMesh | None = None  # the mesh, if bodies come from one
     remarks: tuple[str, ...] = ()  # on what of the file is left out
+    # faces in contact that touch at points or along lines, by the name of the pair of bodies
+    round_contacts: Mapping[str, tuple[RoundContact, ...]] = MappingProxyType({})
+
+
+class FinePoint(NamedTuple):
+    """Elements of this size at a point of a body, as `geometry.meshing.sizes.Fine`."""
+
+    body: str
+    point: Vector  # (3,) [m]
+    size: float  # [m]
+    along: Vector | None = None  # (3,) of a line: elements may be long along it
+    within: float = 0.0  # [m] of the point they keep this size
 
 
 class Sizing(NamedTuple):
@@ -53,13 +67,15 @@ class Sizing(NamedTuple):
     gap: float  # [m] up to which faces touch
     scale: float  # on all sizes below
     seeds: Mapping[str, float | None]  # [m] of each body; None: by its shape
-    fine: Sequence[tuple[str, Vector, float]]  # bodies, points in them [m], sizes there [m]
+    fine: Sequence[FinePoint]
     coarser: float  # on all sizes, those that the shape of a body bounds too
     element: str | None  # "tet": tetrahedra alone
     fields: Mapping[str, SizeField]  # sizes that vary over bodies
     usual: float  # on the sizes by the shape of a body
     seconds: float = inf  # that the mesh of a body may take
     curved: bool = False  # whether elements follow curved faces
+    # bodies in tetrahedra alone, as their fine points are so fine that grid lines would be too many
+    graded: Collection[str] = ()
 
 
 @contextmanager
@@ -121,7 +137,8 @@ def meshed(
         slaves = [sorted(tie.bodies, key=lambda body: by_volume[body])[1] for tie in ties]
         tied = list(zip(ties, slaves, strict=True))
         try:
-            return drawing.own.marked(named, chosen.patches, tied), by_volume
+            marked = drawing.own.marked(named, chosen.patches, tied, drawing.round_contacts)
+            return marked, by_volume
         except ValueError as error:
             raise InvalidGeometry(str(error)) from None
 
@@ -136,11 +153,19 @@ def meshed(
         named=named,
         patches=chosen.patches,
         element=sizing.element,
+        graded=sizing.graded,
         seconds=sizing.seconds,
     )
     if chosen.partly:
         return meshes, by_volume
     return meshes, {name: mesh.nelements / bodies[name].volume for name, mesh in meshes.items()}
+
+
+def extruded_along(body: Body, direction: Vector) -> bool:
+    """True of a body in the CAD kernel whose elements can be long along a direction."""
+    from beadwave.geometry.meshing.hexahedra import prisms
+
+    return any(parallel(prism.axis, direction) for prism in prisms(body))
 
 
 def sizes_of(bodies: Mapping[str, Body], sizing: Sizing) -> "Sizes":
@@ -149,7 +174,7 @@ def sizes_of(bodies: Mapping[str, Body], sizing: Sizing) -> "Sizes":
 
     scale, usual = sizing.scale, default_seeds(bodies)
     seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
-    fine = [Fine(body, point, scale * size) for body, point, size in sizing.fine]
+    fine = [Fine(*place._replace(size=scale * place.size)) for place in sizing.fine]
     return Sizes(seeds, fine, sizing.coarser, sizing.fields, sizing.curved)
 
 
@@ -165,7 +190,7 @@ def nodes_foreseen(drawing: Drawing, sizing: Sizing) -> dict[str, float]:
     nodes = {}
     for name, body in drawing.bodies.items():
         areas = [face.area for face in body.faces]
-        extruded = sizing.element != "tet" and any(prisms(body))
+        extruded = sizing.element != "tet" and name not in sizing.graded and any(prisms(body))
         nodes[name] = foreseen_nodes(body, sizes.of(body), "hex" if extruded else "tet")
         # a partner that ends inside a face makes lines of the grid that go on across it
         ends_inside = [

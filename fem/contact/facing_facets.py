@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags_array, vstack
+from scipy.sparse import coo_array, csr_matrix, diags_array, vstack
+from scipy.sparse.csgraph import connected_components
 
 from beadwave.fem.assembly.chord_height import area_vectors
 from beadwave.fem.assembly.elasticity import Structure
@@ -31,6 +32,10 @@ TRIANGLE = np.array([np.roll([1 - 2 * x, x, x], k) for x in (_A, _B) for k in ra
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 SMALLEST = 1e-8  # of a facet's area: smaller common parts are rounding
 ROUNDING = 1e-9  # [m] of the places of faces
+# by which meshes of round faces may overlap, over their largest facet: nodes that move out to keep
+# the volume of a cylinder do so by 0.018 of it, for 30 edges around and for others alike
+OVERLAP = 0.05
+SMOOTH = np.cos(np.radians(40))  # cosine of the normals of neighbours on one round face, at least
 FACING = -0.5  # cosine of the normals of facets that look at each other, at most
 
 
@@ -44,6 +49,7 @@ class FacingFacets(NamedTuple):
     C: csr_matrix  # (3 m, ndof) mean opening of each along n, then t1 of all, then t2 of all
     S: csr_matrix  # (2 m, ndof) mean slopes of the first face's displacement along n, on t1, on t2
     axes: NDArray[np.float64]  # (m, 3, 3) rows n out of the first face, t1, t2
+    pair: NDArray[np.int64]  # (m,) number of the pair of faces, of several
 
     @property
     def spanned(self) -> NDArray[np.int64]:
@@ -56,10 +62,16 @@ class FacingFacets(NamedTuple):
         return self.C[i * m : (i + 1) * m]
 
 
-def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.0) -> FacingFacets:
+def facing_facets(
+    structure: Structure, first: str, second: str, gap: float = 0.0, least: float | None = None
+) -> FacingFacets:
     """The facets of a face "body:face" that look at another one, up to `gap` [m] away along their
     normals, or that lie in it; facets of the first face carry the pressure. Raises ValueError for
-    two that have nothing in common."""
+    two that have nothing in common.
+
+    Gaps of round faces begin at `least` [m] where that is known: meshes may have other radii than
+    the bodies, as those that keep the volume of a cylinder.
+    """
     # facets (k,) of both faces: corners (k, 3 or 4, 3) and outward normals (k, 3)
     bodies, numbers = zip(*(structure.facets(face) for face in (first, second)), strict=True)
     meshes = [structure.basis[body].mesh for body in bodies]
@@ -73,9 +85,12 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
 
     # pairs of facets whose boxes meet and that look at each other
     reach = gap + ROUNDING
+    boxes = reach
+    if least is not None:
+        boxes += OVERLAP * max(np.ptp(x, axis=1).max() for x in corners)
     low, high = (getattr(corners[1], f)(axis=1) for f in ("min", "max"))
     meet = [
-        np.all((low < x.max(axis=0) + reach) & (high > x.min(axis=0) - reach), axis=1)
+        np.all((low < x.max(axis=0) + boxes) & (high > x.min(axis=0) - boxes), axis=1)
         & (normals[1] @ normal < FACING)
         for x, normal in zip(corners[0], n, strict=True)
     ]
@@ -106,7 +121,9 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
     height = np.einsum("pj,pj->p", centres[1][facing[at]] - own, opposite)
     height /= np.einsum("pj,pj->p", n, opposite)
     over = own + height[:, None] * n
-    away = _between(meshes, numbers, normals, own, n, height)
+    away, is_round = _between(meshes, numbers, (owner[at], facing[at]), normals, own, n, height)
+    if least is not None and is_round.any():
+        away[is_round] += least - away[is_round].min()
 
     # facets whose mean gap is within reach
     used, row = np.unique(owner[at], return_inverse=True)
@@ -147,7 +164,8 @@ def facing_facets(structure: Structure, first: str, second: str, gap: float = 0.
     S = vstack([csr_matrix((q, (row, np.arange(len(w)))), shape) @ u_n for q in weights.T]).tocsr()
 
     facets_whole = np.linalg.norm(area_vectors(corners[0].transpose(2, 1, 0)), axis=1)
-    return FacingFacets(average @ own, area, facets_whole[used], mean_gap, C, S, axes[used])
+    number = np.zeros(len(used), np.int64)
+    return FacingFacets(average @ own, area, facets_whole[used], mean_gap, C, S, axes[used], number)
 
 
 def _outward(mesh, facets: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -165,16 +183,39 @@ def _outward(mesh, facets: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDAr
     return corners, normals
 
 
-def _between(meshes, numbers, normals, own, n, height) -> NDArray[np.float64]:
+def _between(
+    meshes, numbers, at, normals, own, n, height
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Distances (k,) [m] along n (k, 3) from the first face to the second near points `own` (k, 3)
-    on the facets of the first, which are `height` (k,) from the facets of the second."""
-    ends = []
-    for mesh, facets, outward, known in zip(
-        meshes, numbers, normals, (np.zeros(len(own)), height), strict=True
+    on the facets of the first, which are `height` (k,) from the facets of the second; and where
+    one of both is round. Facets of either face `at` (k,) the points."""
+    ends, is_round = [], np.zeros(len(own), bool)
+    for mesh, facets, there, outward, known in zip(
+        meshes, numbers, at, normals, (np.zeros(len(own)), height), strict=True
     ):
-        surface = fitted(mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0), outward)
-        ends.append(known if surface is None else surface.distance(own, n, known))
-    return ends[1] - ends[0]
+        corners = mesh.p[:, mesh.facets[:, facets]].transpose(2, 1, 0)
+        group, end = smooth_groups(mesh.facets[:, facets], outward), known.copy()
+        for i in range(group.max() + 1):
+            surface, mine = fitted(corners[group == i], outward[group == i]), group[there] == i
+            if surface is not None and mine.any():
+                end[mine] = surface.distance(own[mine], n[mine], known[mine])
+                is_round |= mine
+        ends.append(end)
+    return ends[1] - ends[0], is_round
+
+
+def smooth_groups(nodes: NDArray[np.int64], normals: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Number (k,) of the group of each facet, nodes (n, k) and unit normals (k, 3): neighbours
+    whose normals differ by less than an edge does are of one."""
+    k = nodes.shape[1]
+    ends = np.sort([nodes, np.roll(nodes, -1, axis=0)], axis=0).reshape(2, -1)
+    edge = np.unique(ends, axis=1, return_inverse=True)[1].ravel()
+    order = np.argsort(edge, kind="stable")
+    same = np.flatnonzero(np.diff(edge[order]) == 0)
+    a, b = order[same] % k, order[same + 1] % k
+    smooth = np.einsum("ij,ij->i", normals[a], normals[b]) > SMOOTH
+    graph = coo_array((np.ones(smooth.sum()), (a[smooth], b[smooth])), shape=(k, k))
+    return connected_components(graph, directed=False)[1]
 
 
 def _component(P: csr_matrix, axis: NDArray[np.float64]) -> csr_matrix:

@@ -103,6 +103,7 @@ class PreloadedContact(NamedTuple):
     facets: FacingFacets
     pressure: NDArray[np.float64]  # (m,) [Pa]
     gap: NDArray[np.float64]  # (m,) [m]
+    start: NDArray[np.float64]  # (m,) [m] gaps before any load
     state: NDArray[np.int64]  # (m,) OPEN, SLIDING with its shear at its limit, or STUCK
     # (n,) [m] displacements of the free dofs and (m,) [Pa] pressure while nothing rubs: that state
     # alone has geometric stiffnesses that cancel in rigid motions
@@ -268,6 +269,7 @@ def preloaded_contact(
         facets=facets,
         pressure=P / facets.area,
         gap=g_0 + d,
+        start=g_0,
         state=np.where(closed, SLIDING, OPEN),
         u=u,
         smooth_pressure=P / facets.area,

@@ -50,6 +50,7 @@ class PairInContact(NamedTuple):
     bolts: Sequence[tuple[NDArray[np.float64], float]] = ()
     # [m] height of the crown of both together: > 0 they touch in their middle first, < 0 at the rim
     flatness: float = 0.0
+    least_gap: float | None = None  # [m] of round faces, where it is known of the bodies
 
 
 class PressedAssembly(NamedTuple):
@@ -75,7 +76,7 @@ def pressed_assembly(
     refuses.
     """
     structure, T = model.structure, model.T
-    pairs = [facing_facets(structure, *f.pair[:2], gap=f.pair.gap) for f in faces]
+    pairs = [facing_facets(structure, *f.pair, f.least_gap) for f in faces]
     of_each = [len(pair.area) for pair in pairs]
     facets = together(pairs)
     young = [
@@ -190,4 +191,5 @@ def together(pairs: Sequence[FacingFacets]) -> FacingFacets:
     points, area, whole, gap = (np.concatenate([pair[i] for pair in pairs]) for i in range(4))
     S = vstack([p.S[i * len(p.area) : (i + 1) * len(p.area)] for i in range(2) for p in pairs])
     axes = np.concatenate([pair.axes for pair in pairs])
-    return FacingFacets(points, area, whole, gap, C, S.tocsr(), axes)
+    number = np.repeat(np.arange(len(pairs)), [len(pair.area) for pair in pairs])
+    return FacingFacets(points, area, whole, gap, C, S.tocsr(), axes, number)

@@ -37,10 +37,9 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Basis, Element, Mesh, MeshHex
 
-from beadwave.fem.assembly.chord_height import sagging
 from beadwave.fem.assembly.elasticity import ELEMENTS, element_stiffness
 from beadwave.fem.assembly.facet_rule import facet_rule
-from beadwave.fem.assembly.joints import Tie, rigid_motion
+from beadwave.fem.assembly.joints import Tie, rigid_motion, tied_across
 from beadwave.fem.assembly.materials import Material, Orthotropic
 from beadwave.fem.assembly.model import HeldFace, Model
 from beadwave.fem.assembly.trace import located
@@ -185,7 +184,7 @@ def missed_energy(
                 beyond = FacetSide.of(across.mesh, structure.facets(opposite)[1], 0, order)
                 kh_across = np.zeros(across.nelems)
                 kh_across[beyond.cells] = np.trace(of_partner[1]) * beyond.height
-                gap = pair.gap + sagging(structure, face) + sagging(structure, opposite)
+                gap = tied_across(structure, pair)
                 for some in shares(facets, CHUNK):
                     # this body's points in the partner's elements; stiffness times height of both
                     # says how they share the jump, as between elements of one body

@@ -33,6 +33,10 @@ N_INVERSE_ITERATIONS = 3  # for each rigid motion
 N_CHECKED_TOGETHER = 16  # modes that are checked together
 
 
+class Unstable(ValueError):
+    """Static loads under which a structure at rest moves on."""
+
+
 class Modes(NamedTuple):
     """Mass-normalised modes, lowest first."""
 
@@ -111,7 +115,7 @@ def modes(
     order = np.argsort(eigenvalues)
     lowest = eigenvalues[order[0]]
     if lowest < -((2 * np.pi * shift_hz) ** 2):
-        raise ValueError(
+        raise Unstable(
             f"the static loads buckle the structure: a motion grows at {np.sqrt(-lowest):.3g} 1/s; "
             "reduce forces and preloads, or take thicker bodies."
         )

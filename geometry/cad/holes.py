@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.solids import (
+    ALIGNED,
     SAME,
     Body,
     Face,
@@ -29,6 +30,9 @@ CUT_HOLE_ANGLE = 0.45 * 2 * pi  # rad around, of a hole that an edge cuts; less 
 # the depth of a coarse metric thread is 0.14 (M20) to 0.18 (M6) of it, and CAD files draw
 # either of its diameters
 THREAD_DEPTH = 0.2
+# distance of a point on a hole's axis from the face that it opens into, over its radius, at most:
+# the kernel finds that of the rim within 1 %, and a chamfer adds to it
+NEAR_RIM = 1.25
 
 
 class Bore(NamedTuple):
@@ -49,10 +53,10 @@ class Concentric(NamedTuple):
     """A hole through both bodies of a touching pair."""
 
     bodies: tuple[str, str]
-    centre: Vector  # (3,) on the plane in which they touch [m]
+    centre: Vector  # (3,) on the face in which they touch [m]
     axis: Vector  # of the hole, from the first body to the second
     diameters: tuple[float, float]  # m, in either body
-    faces: tuple[int, int]  # tags of the planes that touch there
+    faces: tuple[int, int]  # tags of the faces that touch there
     lengths: tuple[float, float] = (0.0, 0.0)  # m, of the hole in either body
 
 
@@ -109,48 +113,60 @@ def _span(face: Face, axis_of: Face) -> tuple[float, float]:
 
 
 class FacingHoles(NamedTuple):
-    """A hole of each body of a touching pair, where they open into a plane in which these touch."""
+    """A hole of each body of a touching pair, where they open into a face in which these touch."""
 
     diameters: tuple[float, float]  # m
-    centres: tuple[Vector, Vector]  # (3,) [m]
+    centres: tuple[Vector, Vector]  # (3,) on that face [m]
     lengths: tuple[float, float]  # m
-    plane: Face  # of the first body
-    faces: tuple[int, int]  # tags of the planes
+    axis: Vector  # (3,) out of the first body: of a plane its normal, else along the holes
+    faces: tuple[int, int]  # tags of the faces
 
     @property
     def distance(self) -> float:
-        """Between the axes, in the plane [m]."""
-        return float(np.linalg.norm(self.centres[0] - self.centres[1]))
+        """Between the axes [m]."""
+        return float(off_axis(self.centres[1], self.centres[0], self.axis))
 
 
 def facing(touch: TouchingPair, bodies: Mapping[str, Body]) -> Iterator[FacingHoles]:
-    """Every hole of the first body with every one of the second, across the planes of contact."""
+    """Every hole of the first body with every one of the second, across the faces of contact; of
+    curved faces holes with parallel axes that open near each other."""
     first, second = (bodies[name] for name in touch.bodies)
     for contact in touch.contacts:
         plane = first.face(contact.faces[0])
-        if plane.normal is None:
+        if plane.normal is not None:
+            for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
+                diameters, centres, lengths = zip(one, other, strict=True)
+                yield FacingHoles(diameters, centres, lengths, plane.normal, contact.faces)
             continue
-        for one, other in product(_at_plane(first, plane), _at_plane(second, plane)):
-            diameters, centres, lengths = zip(one, other, strict=True)
-            yield FacingHoles(diameters, centres, lengths, plane, contact.faces)
+        openings = (
+            _at_curved(body, body.face(tag))
+            for body, tag in zip((first, second), contact.faces, strict=True)
+        )
+        for one, other in product(*openings):
+            apart = np.linalg.norm(one.centre - other.centre)
+            if one.outward @ other.outward < ALIGNED - 1 and apart < one.diameter + other.diameter:
+                yield FacingHoles(
+                    (one.diameter, other.diameter), (one.centre, other.centre),
+                    (one.length, other.length), one.outward, contact.faces,
+                )  # fmt: skip
 
 
 def concentric(
     touch: TouchingPair, bodies: Mapping[str, Body], gap: float
 ) -> tuple[Concentric, ...]:
-    """Holes of both bodies about one axis, across a plane in which they touch."""
-    return tuple(
-        Concentric(
-            touch.bodies,
-            pair.centres[0],
-            pair.plane.normal,
-            pair.diameters,
-            pair.faces,
-            pair.lengths,
-        )
-        for pair in facing(touch, bodies)
-        if pair.distance <= SAME + gap
-    )
+    """Holes of both bodies about one axis, across a face in which they touch."""
+    places: list[Concentric] = []
+    for pair in facing(touch, bodies):
+        # a hole on the seam of two faces opens into both
+        seen = any(np.linalg.norm(p.centre - pair.centres[0]) < SAME for p in places)
+        if pair.distance <= SAME + gap and not seen:
+            places.append(
+                Concentric(
+                    touch.bodies, pair.centres[0], pair.axis, pair.diameters, pair.faces,
+                    pair.lengths,
+                )
+            )  # fmt: skip
+    return tuple(places)
 
 
 def misaligned(
@@ -162,6 +178,46 @@ def misaligned(
         for pair in facing(touch, bodies)
         if SAME + gap < pair.distance < sum(pair.diameters) / 2
     )
+
+
+class Opening(NamedTuple):
+    """The end of a hole in a curved face."""
+
+    diameter: float  # m
+    centre: Vector  # (3,) where its axis meets the face [m]
+    length: float  # m, to its other end
+    outward: Vector  # (3,) along its axis, out of the body
+
+
+def _at_curved(body: Body, face: Face) -> list[Opening]:
+    """The ends of bores that open into a curved face, or at a chamfer below it."""
+    openings = []
+    for bore in bores(body):
+        for end, other in (bore.ends, bore.ends[::-1]):
+            outward = (end - other) / np.linalg.norm(end - other)
+            # of a cylinder or a sphere where the axis meets it next to that end
+            centre, way = end, _onto(face, end, outward)
+            if way is not None and abs(way) < bore.radius:
+                centre = end + way * outward
+            if body.distance(centre, face.tag) <= NEAR_RIM * bore.radius:
+                length = float(np.linalg.norm(centre - other))
+                openings.append(Opening(bore.diameter, centre, length, outward))
+    return openings
+
+
+def _onto(face: Face, point: Vector, direction: Vector) -> float | None:
+    """The shorter of both ways [m] from a point along a direction onto a cylinder or a sphere; None
+    of other faces, and past them."""
+    if face.on_axis is None:
+        return None
+    x, d = point - face.on_axis, direction
+    if face.axis is not None:
+        x, d = x - (x @ face.axis) * face.axis, d - (d @ face.axis) * face.axis
+    a, b, c = d @ d, x @ d, x @ x - face.radius**2
+    if a < ALIGNED or b * b < a * c:
+        return None
+    ways = (-b + np.sqrt(b * b - a * c) * np.array([-1.0, 1.0])) / a
+    return float(ways[np.argmin(np.abs(ways))])
 
 
 def _at_plane(body: Body, plane: Face) -> list[tuple[float, Vector, float]]:

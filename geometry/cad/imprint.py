@@ -17,7 +17,7 @@ import gmsh
 import numpy as np
 
 from beadwave.geometry.cad.contacts import TouchingPair
-from beadwave.geometry.cad.patches import Disc, Patch, Share, Spots, ThreadBand
+from beadwave.geometry.cad.patches import CurvedDisc, Disc, Patch, Share, Spots, ThreadBand
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import SAME, Body, Face, Vector
 from beadwave.geometry.errors import InvalidGeometry
@@ -127,7 +127,10 @@ def regions(
 
     # where other bodies touch: the common surfaces of each pair of faces
     imprints: dict[str, list[Region]] = {}
-    for touch in (touch for touch in touching if body.name in touch.bodies):
+    for touch in touching:
+        over_area = any(contact.regions for contact in touch.contacts)
+        if body.name not in touch.bodies or not over_area:
+            continue
         side = touch.bodies.index(body.name)
         imprints[touch.name] = [
             Region(tag, face.tag, sharp=not contact.flush)
@@ -184,6 +187,14 @@ def regions(
                                 occ.copy([(2, spot)]), occ.copy([(2, face_tag)])
                             )
                         lying += [Region(t, face_tag) for dimension, t in common if dimension == 2]
+            case CurvedDisc():
+                # the faces inside a cylinder about the axis, as long as it is wide
+                what = f"disc of radius {patch.radius:.6g} m"
+                foot = patch.centre - patch.radius * patch.normal
+                for face_tag in patch.on.tags:
+                    rod = occ.addCylinder(*foot, *(2 * patch.radius * patch.normal), patch.radius)
+                    common, _ = occ.intersect(occ.copy([(2, face_tag)]), [(3, rod)])
+                    lying += [Region(tag, face_tag) for dimension, tag in common if dimension == 2]
             case Disc():
                 # its parts on all faces of the plane: an edge may run under a washer
                 what = f"disc of radius {patch.radius:.6g} m"

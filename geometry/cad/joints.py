@@ -21,7 +21,7 @@ from beadwave.geometry.cad.holes import (
     engaged,
     misaligned,
 )
-from beadwave.geometry.cad.patches import Disc, Patch, Share, Spots, ThreadBand
+from beadwave.geometry.cad.patches import CurvedDisc, Disc, Patch, Share, Spots, ThreadBand
 from beadwave.geometry.cad.selectors import FaceSelection, bodies_named, faces, touches
 from beadwave.geometry.cad.solids import Body, Vector
 from beadwave.geometry.errors import InvalidGeometry
@@ -38,6 +38,7 @@ class JointWords(NamedTuple):
     washer: float | None = None  # m, radius; None: the larger diameter of the two holes
     shares: tuple[int, ...] = ()  # sides that hold the bolt's share of the common face, if any
     patches: str | None = None  # before the numbers of what it holds; None: its name
+    only_touches: bool = False  # faces in contact without a bolt: it holds nothing of them
 
 
 class Under(NamedTuple):
@@ -192,6 +193,8 @@ def _place_bolts(
     between = f"{joint.first}|{joint.second}"
     pairs = touches(between, bodies, touching)
     result.jointed.update({touch.name: joint.name for touch in pairs})
+    if joint.only_touches:
+        return
 
     # where its bolts go: through holes about one axis, or at points moved onto the common plane.
     # Two holes that open into each other about two axes are no joint, but a mistake in the drawing
@@ -237,14 +240,29 @@ def _place_bolts(
         holes = list(zip(place.diameters, place.lengths, strict=True))
         if not (place.bodies[0] in first and place.bodies[1] in second):
             sides, axis, holes = sides[::-1], -axis, holes[::-1]
-        on = [FaceSelection(body, (tag,)) for body, tag in sides]
+        is_plane = bodies[place.bodies[0]].face(place.faces[0]).normal is not None
+        if joint.shares and not is_plane:
+            raise InvalidGeometry(
+                f'{joint.key}.washer = "share" parts plane faces, "{between}" touch on curved ones '
+                "there; give a radius, or tie them."
+            )
+        # a disc on curved faces lies on all of them, as a seam may run through it
+        touch = next(t for t in pairs if t.bodies == place.bodies)
+        tags = {
+            body: (tag,)
+            if is_plane
+            else tuple(dict.fromkeys(c.faces[side] for c in touch.contacts))
+            for side, (body, tag) in enumerate(zip(place.bodies, place.faces, strict=True))
+        }
+        on = [FaceSelection(body, tags[body]) for body, _ in sides]
         names = [f"{joint.patches or joint.name}-{i}-{body}" for body, _ in sides]
         in_mesh = [f"{body}:{name}" for (body, _), name in zip(sides, names, strict=True)]
         over: list[str | None] = [None, None]
         if not joint.shares:
             radius = joint.washer or max(place.diameters)
             for name, selected in zip(names, on, strict=True):
-                result.patches[name] = Disc(selected, place.centre, place.axis, radius)
+                patch = Disc if is_plane else CurvedDisc
+                result.patches[name] = patch(selected, place.centre, place.axis, radius)
         else:
             # nearer to this bolt than to the other bolts on the face; on a side where the share is
             # not imprinted the mean is taken over the footprint of the side where it is

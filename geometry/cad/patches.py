@@ -23,6 +23,24 @@ class Disc(NamedTuple):
     radius: float  # m
 
 
+class CurvedDisc(NamedTuple):
+    """The part of curved faces of a body within a radius of an axis, on the side of a point of it:
+    under a bolt that presses them."""
+
+    on: FaceSelection
+    centre: Vector  # (3,) where the axis meets the faces [m]
+    normal: Vector  # (3,) unit vector along the axis
+    radius: float  # m
+
+    def hold(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """True for points (p, 3) [m] of the faces that lie in it."""
+        off = points - self.centre
+        along = np.abs(off @ self.normal)
+        return (along <= self.radius) & (
+            np.linalg.norm(np.cross(off, self.normal), axis=1) <= self.radius
+        )
+
+
 class Share(NamedTuple):
     """The part of the common face of two bodies that is nearer to one bolt than to the others."""
 
@@ -68,4 +86,4 @@ class Spots(NamedTuple):
         return np.any(inside, axis=1)
 
 
-Patch = Disc | Share | ThreadBand | Spots
+Patch = Disc | CurvedDisc | Share | ThreadBand | Spots

@@ -78,7 +78,8 @@ def touches(
             f'"{pattern}" do not touch{apart}; '
             + (f"touching pairs are {listed}." if touching else "no bodies do.")
             + " Move them together, or bridge a small gap by assembly.gap; `beadwave look` says "
-            "how far faces miss each other."
+            "how far faces miss each other, and round ones that touch along a line or at a point "
+            'take a joint of model = "contact".'
         )
     return pairs
 

@@ -21,6 +21,7 @@ from beadwave.geometry.cad.contacts import (
     Overlap,
     TouchingPair,
 )
+from beadwave.geometry.cad.round_contacts import RoundContact, is_round, round_contact
 from beadwave.geometry.cad.solids import ALIGNED, Body, Face, off_axis, parallel
 from beadwave.geometry.meshing.gmsh_session import boolean_tolerance, failing
 
@@ -76,6 +77,18 @@ def _contacts(a: Body, b: Body, gap: float) -> Iterator[FaceContact]:
         if area > MIN_COMMON_AREA * min(first.area, second.area):
             flush = area > (1 - MIN_COMMON_AREA) * max(first.area, second.area)
             yield FaceContact((first.tag, second.tag), area, distance, regions, flush)
+
+
+def round_neighbours(a: Body, b: Body, gap: float) -> Iterator[RoundContact]:
+    """Faces of two bodies that touch at a point or along a line, across at most `gap` [m]; to be
+    called as `neighbours`."""
+    for first, second in product(a.faces, b.faces):
+        if is_round(first, second) and _boxes_meet(first, second, gap):
+            distance, *ends = gmsh.model.occ.getDistance(2, first.tag, 2, second.tag)
+            if distance <= gap:
+                at = np.reshape(ends, (2, 3))
+                contact = round_contact(a, b, first, second, at, gap)
+                yield from () if contact is None else (contact,)
 
 
 def facing_distance(first: Face, second: Face) -> float | None:

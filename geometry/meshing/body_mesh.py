@@ -13,7 +13,7 @@ t = 2 V / area,
     n = V / s^3 (inner + outer s / t) + the finer elements around its cylinders and circles
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf, log, pi
 
 import gmsh
@@ -83,15 +83,17 @@ def body_meshes(
     named: Mapping[str, FaceSelection] | None = None,
     patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
+    graded: Collection[str] = (),
     seconds: float = inf,
 ) -> dict[str, Mesh]:
     """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
 
     Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
     another body, under the same name in both. `element` = "tet" meshes all in tetrahedra, as do
-    sizes that are of tetrahedra; else what is an extrusion is meshed in hexahedra. Raises
-    InvalidGeometry for a seed that would give too many nodes, and ValueError, naming the body, for
-    what gmsh cannot mesh. A command ends where a body takes longer than `seconds`.
+    sizes that are of tetrahedra; else what is an extrusion is meshed in hexahedra, but for bodies
+    that are `graded`. Raises InvalidGeometry for a seed that would give too many nodes, and
+    ValueError, naming the body, for what gmsh cannot mesh. A command ends where a body takes longer
+    than `seconds`.
     """
     for body in bodies.values():
         size = sizes.of(body)
@@ -113,14 +115,13 @@ def body_meshes(
             ):
                 fitting = fitted(body, patches or {}, gap, size.around)
                 imprints = regions(body, touching, fitting, gap)
-                order = (body, imprints, named or {}, size, gap)
+                whole = {**(named or {}), **whole_faces(body, touching)}
+                order = (body, imprints, whole, size, gap)
                 # sizes of tetrahedra fit no layers: a wall that hexahedra filled for the first time
                 # at its second mesh had 19 times the nodes in place of 5
                 of_tetrahedra = size.field is not None and not size.field.axes.any()
-                all_tetrahedra = element == "tet" or of_tetrahedra
-                mesh, middles = (None if all_tetrahedra else hexahedra(*order)) or tetrahedra(
-                    *order
-                )
+                tet = element == "tet" or name in graded or of_tetrahedra
+                mesh, middles = (None if tet else hexahedra(*order)) or tetrahedra(*order)
         except ValueError as error:
             if isinstance(error, InvalidGeometry) or error.__cause__ is None:
                 raise
@@ -138,6 +139,18 @@ def body_meshes(
         # rims leave nodes on curved faces where they are
         meshes[name] = followed(mesh, middles) if size.curved else mesh
     return meshes
+
+
+def whole_faces(body: Body, touching: Sequence[TouchingPair]) -> dict[str, FaceSelection]:
+    """The faces of a body that touch another one over no area, at a point or along a line, by the
+    names of the pairs."""
+    named = {}
+    for touch in touching:
+        if body.name in touch.bodies and not any(c.regions for c in touch.contacts):
+            side = touch.bodies.index(body.name)
+            tags = tuple(dict.fromkeys(contact.faces[side] for contact in touch.contacts))
+            named[touch.name] = FaceSelection(body.name, tags)
+    return named
 
 
 def late_mesh(body: Body, size: Size, seconds: float) -> str:

@@ -42,6 +42,9 @@ class Fine(NamedTuple):
     body: str
     point: Vector  # (3,) [m]
     size: float  # m
+    # (3,) unit vector along which elements of an extrusion may be as long as others; of a line
+    along: Vector | None = None
+    within: float = 0.0  # [m] from the point, up to which they keep this size
 
 
 class Size(NamedTuple):
@@ -122,7 +125,11 @@ def size_at(
     """Element sizes (k,) [m] at the coordinates x (k,) [m] along an axis (3,): the smallest of the
     seed and of all that grows from fine points and from `edges`, the coordinates [m] at which other
     bodies end."""
-    grown = [f.size + GRADING * np.abs(x - f.point @ axis) for f in size.fine]
+    grown = [
+        f.size + GRADING * np.maximum(np.abs(x - f.point @ axis) - f.within, 0.0)
+        for f in size.fine
+        if f.along is None or not parallel(f.along, axis)
+    ]
     if size.field:
         grown.append(size.field.at(x, axis))
     if size.edge:
@@ -163,7 +170,10 @@ def mesh_visible(entities: Sequence[tuple[int, int]], size: Size) -> None:
     fields = [_field_of_sizes(size.field)] if size.field else []
     for fine in (fine for fine in size.fine if fine.size < size.seed):
         ball = dict(zip(("XCenter", "YCenter", "ZCenter"), fine.point, strict=True))
-        ball |= {"Radius": fine.size, "Thickness": (size.seed - fine.size) / GRADING}
+        ball |= {
+            "Radius": max(fine.size, fine.within),
+            "Thickness": (size.seed - fine.size) / GRADING,
+        }
         fields.append(_field("Ball", ball | {"VIn": fine.size, "VOut": size.seed}))
     sources = [(lines, size.edge, STEEP_GRADING)] if lines else []
     for finest in sorted({round(s, 9) for s in on_circle.values() if s < size.seed}):

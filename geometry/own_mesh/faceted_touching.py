@@ -23,7 +23,7 @@ from beadwave.geometry.cad.contacts import (
     Overlap,
     TouchingPair,
 )
-from beadwave.geometry.cad.patches import Disc, Patch, Spots, ThreadBand
+from beadwave.geometry.cad.patches import CurvedDisc, Disc, Patch, Spots, ThreadBand
 from beadwave.geometry.cad.solids import Body, off_axis, parallel
 from beadwave.geometry.own_mesh.faceted import Skin, away
 
@@ -68,7 +68,7 @@ class TouchingBodies(NamedTuple):
             return face.number[
                 np.abs((face.middle - patch.centre) @ patch.axis) <= patch.length / 2
             ]
-        if isinstance(patch, Spots):
+        if isinstance(patch, Spots | CurvedDisc):
             return face.number[patch.hold(face.middle)]
         if isinstance(patch, Disc):
             off = np.linalg.norm(np.cross(face.middle - patch.centre, patch.normal), axis=1)

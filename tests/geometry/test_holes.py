@@ -105,3 +105,30 @@ def test_of_a_stepped_hole_the_step_at_the_pair_counts(cut):
     (pair,) = neighbours(bodies, GAP).touching
     (hole,) = concentric(pair, bodies, GAP)
     assert hole.diameters == pytest.approx((0.008, 0.006))
+
+
+def test_a_bolt_goes_through_a_saddle_and_its_bar(cut):
+    """Holes that open into round faces; the bar's other end opens into the lower saddle alone. A
+    seam of the upper saddle's face runs through its hole."""
+    occ = gmsh.model.occ
+
+    def drill():
+        return occ.addCylinder(0, 0, -0.05, 0, 0, 0.1, 0.0045)
+
+    def bar():
+        return occ.addCylinder(0, -0.06, 0, 0, 0.12, 0, 0.02)
+
+    cut_out = {
+        "upper": cut(occ.addBox(-0.015, -0.02, 0, 0.03, 0.04, 0.03), [bar(), drill()]),
+        "bar": cut(bar(), [drill()]),
+        "lower": cut(occ.addBox(-0.015, -0.02, -0.03, 0.03, 0.04, 0.03), [bar(), drill()]),
+    }
+    bodies = {name: body._replace(name=name) for name, body in cut_out.items()}
+    above, below = neighbours(bodies, GAP).touching
+    for touch, z in ((above, 0.02), (below, -0.02)):
+        (hole,) = concentric(touch, bodies, GAP)
+        np.testing.assert_allclose(hole.centre, [0, 0, z], atol=1e-9)
+        assert hole.diameters == pytest.approx((0.009, 0.009))
+        lengths = dict(zip(hole.bodies, hole.lengths, strict=True))
+        assert lengths.pop("bar") == pytest.approx(0.04)
+        assert [*lengths.values()] == pytest.approx([0.01])

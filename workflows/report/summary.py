@@ -278,6 +278,8 @@ class ContactRow(BaseModel):
     stuck_share: float
     pressure_error: float  # relative
     zone_error: float  # relative, of the area
+    # zone and frequencies change with the preload, of faces that are rough or do not fit each other
+    follows_preload: bool = False
 
 
 class ModeAtAmplitude(BaseModel):

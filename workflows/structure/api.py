@@ -217,7 +217,7 @@ def modes(
     """
     chosen = load_scene(scene, changes)
     bolted = [name for name, joint in chosen.bushings.items() if joint.bolt]
-    if amplitude and not any(chosen.bushings[name].model == "contact" for name in bolted):
+    if amplitude and not any(joint.model == "contact" for joint in chosen.bushings.values()):
         remedy = f"--set joints.{bolted[0]}.model=contact" if bolted else "[[joints]] need a bolt"
         raise InvalidScene(
             f"--amplitude is of faces in contact under preload, {chosen.name} has none; {remedy}."

@@ -11,7 +11,7 @@ from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene.required_parts import with_mac
 from beadwave.workflows.stages import warnings
 from beadwave.workflows.stages.engine.pipeline import Pipeline
-from beadwave.workflows.stages.engine.stage_table import has_sizes_chosen, in_contact
+from beadwave.workflows.stages.engine.stage_table import has_bolts, has_sizes_chosen, in_contact
 from beadwave.workflows.stages.structure.contact_zone import contacts_text
 from beadwave.workflows.stages.structure.health import shape_names
 from beadwave.workflows.structure.amplitude_table import (
@@ -76,13 +76,14 @@ class ModeTable(BaseModel):
     def text(self) -> str:
         """The table as text, with how to read its columns."""
         cells = []
+        bounded = self.joints or self.contact
         has_parts = any(row.part_error_percent is not None for row in self.rows)
         for row in self.rows:
             at_contact = None if row.participation is None else f"{row.participation:.4f}"
             error = None if row.error_percent is None else f"{row.error_percent:.2g} %"
             of_parts = row.part_error_percent
             parts = () if not has_parts else (None if of_parts is None else f"{of_parts:.2g} %",)
-            limits = (row.deviation_hz, row.frictionless_hz, row.tied_hz) if self.joints else ()
+            limits = (row.deviation_hz, row.frictionless_hz, row.tied_hz) if bounded else ()
             bounds = (None if hz is None else f"{hz:.4g}" for hz in limits)
             hz = f"{row.frequency_hz:.2f}"
             computed = (row.number, hz, *bounds, error, *parts, at_contact)
@@ -93,7 +94,7 @@ class ModeTable(BaseModel):
             measured = f"{row.hammer_mode}: {row.hammer_hz:.5g} Hz ({off:+.1f} %)"
             mac = None if row.mac is None else f"{row.mac:.2f}"
             cells.append((*computed, measured, f"{row.score:.2f}", mac))
-        bounds = BOUNDS if self.joints else ()
+        bounds = BOUNDS if bounded else ()
         parts = ("of parts",) if has_parts else ()
         head = "mode", "Hz", *bounds, self.error_of, *parts, "at contact", "measured", "score"
         table = aligned_text((*head, "MAC"), cells)
@@ -115,7 +116,8 @@ class ModeTable(BaseModel):
             arise = "arise" if len(rows) > 2 else "arises"
             there_too = f" The smaller {ones} {others} {arise} there too." if others else ""
             whys.append(f"Mode {worst.number}: {worst.why}{there_too}")
-        joints = f"{READING_BOUNDS}\n\n{joints_text(self.joints)}\n" if self.joints else ""
+        joints = f"{READING_BOUNDS}\n" if bounded else ""
+        joints += f"\n{joints_text(self.joints)}\n" if self.joints else ""
         contact = f"{contacts_text(self.contact)}\n" if self.contact else ""
         amplitude = f"{amplitudes_text(self.amplitude)}\n" if self.amplitude else ""
         tables = (joints, contact, amplitude)
@@ -163,7 +165,7 @@ def mode_table(pipeline: Pipeline, *, amplitude: bool = False) -> ModeTable:
             row.shape = shape[i]
         rows.append(row)
     joints, contact = [], []
-    if scene.bending is None and any(joint.bolt for joint in scene.bushings.values()):
+    if scene.bending is None and has_bolts(scene):
         joints, bounds = joint_rows(pipeline("mesh").bolted), pipeline("joint-bounds")
         for key, values in bounds._asdict().items():
             for row, hz, omega in zip(rows, values.tolist(), modes.omega, strict=True):

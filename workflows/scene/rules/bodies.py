@@ -14,6 +14,7 @@ from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, THREAD, Bolts,
 from beadwave.workflows.scene.tables.bolts import (
     ADVISED_UTILISATION,
     BREAKING_UTILISATION,
+    CONTACT,
     TORQUE_FACTOR,
 )
 
@@ -180,6 +181,9 @@ def _joints(scene: Scene) -> Iterator[str]:
     for joint in scene.joints or ():
         if joint.bolt is not None:
             yield from _bolt(joint)
+        if joint.only_touches:
+            yield from _faces_in_contact(scene, joint)
+            continue
         if joint.at == THREAD:
             yield from _thread(joint)
         elif GROUND not in joint.partners:
@@ -227,6 +231,28 @@ def _bolt(joint: Bolts) -> Iterator[str]:
             f"joints.{joint.name}.{given} is {joint.utilisation:.3g} times the proof load of its "
             f"bolt {joint.bolt_name}, which would break: none bears more than "
             f"{BREAKING_UTILISATION:g} times; take {most} at most, or a stronger bolt."
+        )
+
+
+def _faces_in_contact(scene: Scene, joint: Bolts) -> Iterator[str]:
+    """Faces in contact without a bolt of their own are two bodies', which something presses."""
+    if GROUND in joint.partners:
+        yield (
+            f"joints.{joint.name}.between = {joint.between!r}: the ground has no face to be in "
+            "contact with; draw it as a body and hold it."
+        )
+    given = [key for key in ("at", "washer", "sides", "frame") if key in joint.model_fields_set]
+    given = [key for key in given if getattr(joint, key) != type(joint).model_fields[key].default]
+    if given:
+        yield (
+            f"joints.{joint.name}.{given[0]} belongs to bolts, and faces in contact without one "
+            f"have none; drop {given[0]}, or name the bolt."
+        )
+    pressed = scene.loads or any(j.bolt and j.model == CONTACT for j in scene.joints)
+    if not pressed:
+        yield (
+            f"joints.{joint.name}: nothing presses the faces on each other; give a bolt with its "
+            'preload in a joint of model = "contact", or [[loads]].'
         )
 
 

@@ -33,7 +33,7 @@ from beadwave.workflows.scene.scene_table import (
     one_or_each,
     text_or_table,
 )
-from beadwave.workflows.scene.tables.bolts import FromDrawing
+from beadwave.workflows.scene.tables.bolts import CONTACT, FromDrawing
 from beadwave.workflows.scene.tables.mesh import AskedOfMesh
 from beadwave.workflows.scene.tables.shakers import Face
 from beadwave.workflows.scene.units import FORCE, FREQUENCY, LENGTH, PRESSURE
@@ -402,6 +402,11 @@ class Bolts(FromDrawing):
         if self.stack and self.bolt is None:
             raise ValueError('stack is that of a bolt: add bolt = "M8-8.8", or write between')
         return self
+
+    @property
+    def only_touches(self) -> bool:
+        """True of faces in contact that have no bolt of their own."""
+        return self.model == CONTACT and self.bolt is None
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:

@@ -24,8 +24,10 @@ ADVISED_UTILISATION = 0.9  # preload over proof load, of permanent joints; Shigl
 # proof loads that no bolt bears: of A2-50, the softest that can be named, 500 MPa over 210 MPa
 BREAKING_UTILISATION = 2.4
 RMS = 1.25  # rms over Ra of heights with Gauss' distribution: sqrt(pi / 2)
+CONTACT = "contact"
 SPRINGS = ("kx", "ky", "kz", "krx", "kry", "krz")
-OF_BOLT = ("preload", "torque", "torque_deviation", "friction", "roughness", "flatness", "model")
+OF_FACES = ("friction", "roughness", "flatness", "model")
+OF_BOLT = ("preload", "torque", "torque_deviation", *OF_FACES)
 Size = of(Positive, LENGTH, 1e-3, 0.2)
 Height = of(Positive, LENGTH, 1e-9, 1e-3)
 
@@ -118,14 +120,18 @@ class FromDrawing(JointStiffnesses):
     # [m] height of the crown that both faces in contact have together: > 0 they touch in their
     # middle first, < 0 at their rim; without it they are plane
     flatness: of(Annotated[Number, Field(ge=-0.01, le=0.01)], LENGTH, -1e-3, 1e-3) | None = None
-    # of the joint: "springs" by formula, or "contact" of the faces under the preload; springs
+    # of the joint: "springs" by formula, or "contact" of the faces under the preload, or without a
+    # bolt under other bolts and [[loads]]; springs
     model: Literal["springs", "contact"] | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _springs_of_the_bolt(cls, table: Any) -> Any:
-        """With a bolt there is no spring that is rigid because nothing is said of it."""
-        if isinstance(table, Mapping) and table.get("bolt") is not None:
+        """With a bolt, and of faces in contact, there is no spring that is rigid because nothing is
+        said of it."""
+        if isinstance(table, Mapping) and (
+            table.get("bolt") is not None or table.get("model") == CONTACT
+        ):
             return {**dict.fromkeys(SPRINGS), **table}
         return table
 
@@ -133,10 +139,19 @@ class FromDrawing(JointStiffnesses):
     def _bolt_and_preload(self) -> "FromDrawing":
         """A bolt that is known, and one measure of its preload."""
         given = [key for key in OF_BOLT if getattr(self, key) is not None]
+        springs = [key for key in SPRINGS if getattr(self, key) is not None]
+        springs += [f"c{key[1:]}" for key in self.dashpots]
+        if self.model == CONTACT and springs:
+            raise ValueError(
+                f'{" and ".join(springs)} belong to springs, model = "contact" has none: drop one '
+                "of them"
+            )
         if self.bolt is None:
-            if given:
+            # faces in contact may be pressed by other bolts and by loads
+            of_bolt = [key for key in given if self.model != CONTACT or key not in OF_FACES]
+            if of_bolt:
                 raise ValueError(
-                    f'{" and ".join(given)} belong to a bolt: add bolt = "M8-8.8", or drop them'
+                    f'{" and ".join(of_bolt)} belong to a bolt: add bolt = "M8-8.8", or drop them'
                 )
             return self
         if isinstance(self.bolt, str):
@@ -145,14 +160,7 @@ class FromDrawing(JointStiffnesses):
             raise ValueError("preload and torque exclude each other: keep one of them")
         if self.preload is None and self.torque is None:
             raise ValueError("bolt needs its preload in N, or its torque in N m: add one of them")
-        springs = [key for key in SPRINGS if getattr(self, key) is not None]
-        springs += [f"c{key[1:]}" for key in self.dashpots]
-        if self.model == "contact" and springs:
-            raise ValueError(
-                f'{" and ".join(springs)} belong to springs, model = "contact" has none: drop one '
-                "of them"
-            )
-        if self.flatness is not None and self.model != "contact":
+        if self.flatness is not None and self.model != CONTACT:
             raise ValueError(
                 'flatness is that of faces in contact: add model = "contact", or drop it'
             )

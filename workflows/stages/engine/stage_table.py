@@ -100,14 +100,14 @@ def has_measured_parts(scene: Scene) -> bool:
     return bool(scene.measured)
 
 
-def has_bolts(scene: Scene) -> bool:
-    """True of bodies with bolts that are known from their drawing."""
-    return any(joint.bolt is not None for joint in scene.bushings.values())
-
-
 def in_contact(scene: Scene) -> bool:
-    """True of bodies whose faces are in contact under bolts."""
-    return any(joint.model == "contact" for joint in scene.bushings.values() if joint.bolt)
+    """True of bodies whose faces are in contact under preload."""
+    return any(joint.model == "contact" for joint in scene.bushings.values())
+
+
+def has_bolts(scene: Scene) -> bool:
+    """True of bodies with bolts that are known from their drawing, or with faces in contact."""
+    return in_contact(scene) or any(joint.bolt is not None for joint in scene.bushings.values())
 
 
 def slips(scene: Scene) -> bool:

@@ -1,11 +1,14 @@
 """The assembly's stages: mesh, joined model, modes, contact patch."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem, rom
 from beadwave.fem.assembly.model import ConstrainedModel, constrained
 from beadwave.fem.contact.bolted_joint import rough_layer
+from beadwave.fem.contact.preloaded_contact import OPEN
 from beadwave.fem.contact.pressed_model import (
     PairInContact,
     PressedAssembly,
@@ -14,11 +17,14 @@ from beadwave.fem.contact.pressed_model import (
 )
 from beadwave.fem.modes.assembly_modes import AssemblyModes, assembly_modes
 from beadwave.fem.updating import tuning
+from beadwave.geometry.cad.contacts import joined_groups
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.places import mass_face, spring_face
 from beadwave.workflows.stages.structure import bodies, strike
 from beadwave.workflows.stages.structure.meshed_parts import STRIKE, AdaptedSizes, Parts
 from beadwave.workflows.stages.structure.targets import targets
+
+OUTGROWN = 0.7  # of the reach of round faces, up to which gaps may close
 
 
 def mesh(scene: Scene, adapted: AdaptedSizes | None = None) -> Parts:
@@ -57,7 +63,7 @@ def _connected(
     below = scene.table and fem.SwayingTable(scene.table.frequency, scene.table.mass)
     connections = mesh.connections._replace(table=below)
     constraints = constrained(structure, connections)
-    _require_kept(scene, structure, connections, constraints)
+    _require_kept(scene, structure, connections, constraints, mesh.touching_alone)
     return structure, connections, constraints
 
 
@@ -77,21 +83,32 @@ def condensed_faces(
 def pressed(scene: Scene, mesh: Parts, assembly: PressedAssembly) -> fem.Model:
     """The model about its state under preload; raises InvalidScene where there is none."""
     try:
-        return pressed_model(assembly, *_pressing(mesh))
+        model = pressed_model(assembly, *_pressing(mesh))
     except ValueError as why:
         raise InvalidScene(f"{scene.name}: contact: {str(why).rstrip('.')}.") from None
+
+    # facets farther apart than this are next to those that were not looked at
+    facets, on = model.contact.facets, model.contact.state != OPEN
+    for i, (tie, faces) in enumerate(zip(mesh.contacts, mesh.in_contact, strict=True)):
+        gaps = facets.gap[on & (facets.pair == i)]
+        if faces.is_round and gaps.max(initial=0.0) > OUTGROWN * tie.gap:
+            raise InvalidScene(
+                f'{scene.name}: contact: "{faces.pair}" close where they were '
+                f"{1e6 * gaps.max():.3g} um apart, and the faces were looked at up to "
+                f"{1e6 * tie.gap:.3g} um; compute this load by itself, or fit the faces to each "
+                "other."
+            )
+    return model
 
 
 def _pressing(mesh: Parts) -> tuple[fem.Load, list[PairInContact]]:
     """The load with the bolts, and the faces that they press."""
     load = mesh.load or fem.Load()
     faces = []
-    for tie in mesh.contacts:
-        bodies = {face.partition(":")[0] for face in (tie.slave, tie.master)}
-        of_pair = [p for p in mesh.bolted if p.in_contact and {*p.pair.split("|")} == bodies]
-        friction, rough = of_pair[0].friction, rough_layer(of_pair[0].rms)[0]
-        bolts = [(place.centre, place.stiffness.slipped.kx) for place in of_pair]
-        faces.append(PairInContact(tie, friction, rough, bolts, of_pair[0].flatness))
+    for tie, pair in zip(mesh.contacts, mesh.in_contact, strict=True):
+        bolts = [(p.centre, p.stiffness.slipped.kx) for p in mesh.bolts_of(pair)]
+        rough = rough_layer(pair.rms)[0]
+        faces.append(PairInContact(tie, pair.friction, rough, bolts, pair.flatness, pair.least_gap))
     return load._replace(rods=[*load.rods, *mesh.rods]), faces
 
 
@@ -174,11 +191,18 @@ def _require_kept(
     structure: fem.Structure,
     connections: fem.Connections,
     constraints: ConstrainedModel,
+    touching: Sequence[tuple[str, str]] = (),
 ) -> None:
     """Raise InvalidScene for a body that can move. An assembly that floats may also move in the
     directions in which its joints are free, k = 0, and a body on joints that are free in all six
-    where the reduction takes free modes."""
+    where the reduction takes free modes. Bodies `touching` each other in contact without a bolt are
+    kept by those that are."""
     loose = fem.loose_bodies(structure, connections, constraints)
+    groups = joined_groups(structure.basis, touching)
+    kept = {*structure.basis} - {body for body, _ in loose}
+    loose = [
+        one for one in loose if not kept & {*next(group for group in groups if one[0] in group)}
+    ]
     if not loose:
         return
 

@@ -20,12 +20,10 @@ N_MODES = 6  # of the lowest elastic ones
 def backbones(
     scene: Scene, mesh: Parts, model: fem.Model, modes: AssemblyModes
 ) -> dict[int, ModalBackbone]:
-    """The backbones of the lowest elastic modes, by their numbers from 1 on; a facet belongs to the
-    bolt nearest to it."""
+    """The backbones of the lowest elastic modes, by their numbers from 1 on."""
     interface, C = friction_interface(model)
     facets = model.contact.facets
-    centres = np.array([place.centre for place in mesh.bolted if place.in_contact])
-    groups = np.linalg.norm(facets.points[:, None] - centres, axis=2).argmin(axis=1)
+    _, groups = mesh.pressed_groups(facets)
 
     of_mode = {}
     elastic = np.flatnonzero(modes.omega > RIGID * modes.omega.max())

@@ -23,9 +23,9 @@ from beadwave.geometry.cad.joints import JointWords, NamedParts, TieWords, Under
 from beadwave.geometry.cad.patches import Spots
 from beadwave.geometry.cad.removals import Removal, Zone
 from beadwave.geometry.cad.selectors import FaceSelection
-from beadwave.geometry.cad.solids import SAME, Body, Vector
+from beadwave.geometry.cad.solids import SAME, Body
 from beadwave.geometry.cad.struck_face import Struck
-from beadwave.geometry.drawing import Drawing, Sizing, drawn, meshed
+from beadwave.geometry.drawing import Drawing, FinePoint, Sizing, drawn, meshed
 from beadwave.geometry.meshing.lined_blocks import lined_meshes
 from beadwave.geometry.quality import volume_of
 from beadwave.workflows.files.mesh_reader import volumes_of
@@ -41,8 +41,17 @@ from beadwave.workflows.scene.places import (
 )
 from beadwave.workflows.scene.rules.size import too_large_mesh
 from beadwave.workflows.scene.tables.bodies import GROUND, SHARE, Solid, UnderTable
-from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, bolted_places
+from beadwave.workflows.stages.structure.bolted_joints import (
+    BoltedPlace,
+    FacesInContact,
+    bolted_places,
+    faces_in_contact,
+)
 from beadwave.workflows.stages.structure.meshed_parts import STRIKE, ElementSizes, Parts
+from beadwave.workflows.stages.structure.round_faces import (
+    hertzian_contacts,
+    with_round_contacts,
+)
 from beadwave.workflows.stages.structure.strike import around, in_words_of, struck
 
 
@@ -66,7 +75,8 @@ def drawing(scene: Scene, coarser: float = 1.0, *, lines: bool = True) -> Iterat
         if step:
             require_step(step)
         with drawn({} if volumes else solids, step, volumes, table.gap) as bodies:
-            yield bodies._replace(remarks=bodies.remarks + remarks)
+            bodies = bodies._replace(remarks=bodies.remarks + remarks)
+            yield with_round_contacts(scene, bodies)
     except InvalidGeometry as error:
         raise InvalidScene(f"{scene.name}: {error}") from None
 
@@ -97,6 +107,7 @@ def words(scene: Scene) -> Words:
                     # a bolt's share is imprinted on the sides that are rigid, else on the first
                     (rigid or (0,)) if joint.washer == SHARE else (),
                     f"{joint.name}-{i}" if joint.stack else None,
+                    joint.only_touches,
                 )
             )
     struck = scene.strike.on if scene.strike else None
@@ -127,8 +138,10 @@ class Placed(NamedTuple):
 
     selection: NamedParts
     ties: list[TouchingPair]
-    pressed: list[TouchingPair]  # with a bolt that keeps them in contact
+    pressed: list[TouchingPair]  # that bolts or loads keep in contact
+    reach: dict[str, float]  # [m] apart, up to which faces of these are in contact, by their names
     bolted: dict[int, BoltedPlace]
+    in_contact: tuple[FacesInContact, ...]
     struck: Struck | None
     struck_by_chains: dict[str, Struck]
     named: dict[str, FaceSelection]
@@ -154,7 +167,8 @@ def placed(
             )
     ties = tied_pairs(scene, layout, selection)
     bolted = bolted_places(scene, selection, bodies)
-    joined = {frozenset(p.pair.split("|")) for p in bolted.values()}
+    in_contact = faces_in_contact(scene, layout, selection.jointed)
+    joined = {frozenset(p.pair.split("|")) for p in (*bolted.values(), *in_contact)}
     pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]
     named = {n: face for n, face in selection.faces.items() if n not in selection.patches}
     hits = _hits(scene, layout, selection, sizes.fine)
@@ -167,15 +181,25 @@ def placed(
     named |= {chain_face(name): hit.face for name, hit in struck_by_chains.items()}
 
     # a crystal's last row touches at many places, none of them finer than the face
-    fine = [(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal]
-    sizing = sizing_of(scene, layout, fine, sizes, coarser)
-    return Placed(selection, ties, pressed, bolted, face, struck_by_chains, named, sizing)
+    fine = [FinePoint(hit.face.body, hit.point, size) for hit, size in hits if not scene.crystal]
+    reach, graded = {}, set()
+    for touch in pressed:
+        at_rounds = hertzian_contacts(
+            scene, bodies, touch, layout.round_contacts.get(touch.name, ()), list(bolted.values())
+        )
+        reach[touch.name] = max((one.reach for one in at_rounds), default=touch.gap)
+        fine += [place for one in at_rounds for place in one.fine]
+        graded |= {body for one in at_rounds for body in one.graded}
+    sizing = sizing_of(scene, layout, fine, sizes, coarser)._replace(graded=graded)
+    return Placed(
+        selection, ties, pressed, reach, bolted, in_contact, face, struck_by_chains, named, sizing
+    )
 
 
 def sizing_of(
     scene: Scene,
     layout: Drawing,
-    fine: Sequence[tuple[str, Vector, float]] = (),
+    fine: Sequence[FinePoint] = (),
     sizes: ElementSizes = ElementSizes(),
     coarser: float = 1.0,
 ) -> Sizing:
@@ -223,10 +247,13 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     made_of = {name: material(scene.made_of(name)) for name in meshes}
     chords = {name: volume_of(mesh) / volumes[name] - 1 for name, mesh in meshes.items()}
     connections, rigid = _connections(scene, selection, ties, fineness, bolted)
-    closed = tuple(_tie(touch, fineness) for touch in chosen.pressed)
+    closed = tuple(
+        _tie(touch, fineness)._replace(gap=chosen.reach[touch.name]) for touch in chosen.pressed
+    )
     whole = Parts(
         meshes, made_of, connections, rigid, chosen.struck, chosen.struck_by_chains,
-        _load(scene, selection), sizes, tuple(bolted.values()), closed, boxes, chords, left_out,
+        _load(scene, selection), sizes, tuple(bolted.values()), closed, chosen.in_contact, boxes,
+        chords, left_out,
     )  # fmt: skip
 
     # a mesh that does not fit into memory is refused before assembly
@@ -273,8 +300,8 @@ def with_bolts_of(scene: Scene, mesh: Parts) -> Parts:
     """The meshed parts with the bolts of a scene that differs in these alone: in preloads, friction
     and roughness; nothing is meshed."""
     with drawing(scene) as layout:
-        bolted = placed(scene, layout, mesh.sizes).bolted
-    return mesh._replace(bolted=tuple(bolted.values()))
+        anew = placed(scene, layout, mesh.sizes)
+    return mesh._replace(bolted=tuple(anew.bolted.values()), in_contact=anew.in_contact)
 
 
 def _hits(

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from beadwave import fem
 from beadwave.geometry.cad.joints import JointPlace, NamedParts
-from beadwave.geometry.cad.patches import Disc
+from beadwave.geometry.cad.patches import CurvedDisc, Disc
 from beadwave.geometry.cad.selectors import FaceSelection
 from beadwave.geometry.cad.solids import ALIGNED, SAME, Body, Face, off_axis
+from beadwave.geometry.drawing import Drawing
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.tables.bodies import Bolts
+from beadwave.workflows.scene.tables.bolts import CONTACT
 
 # of K in T = K F d from bolt to bolt: +-30 % are two deviations
 TORQUE_DEVIATION = 0.15
@@ -42,9 +44,6 @@ class BoltedPlace(NamedTuple):
     fasteners: tuple[tuple[str, fem.Fastener, NDArray[np.float64]], ...]
 
     axis: NDArray[np.float64]  # (3,) from head to nut
-    friction: float
-    rms: float  # [m] of the heights of both faces
-    flatness: float  # [m] height of their crown
     hole: float  # [m] diameter, the wider of both
     in_contact: bool  # its faces are in contact, and a rod from head to nut presses them
     rod: fem.Rod | None  # of a contact, at the faces next to the head
@@ -92,8 +91,7 @@ def bolted_places(
         others = [p for _, p in numbered if p.faces != place.faces and p.bodies == place.bodies]
         apart = [np.linalg.norm(p.centre - place.centre) for p in others]
         bolt = fem.Bolt(*table.fastener)
-        friction = FRICTION if table.friction is None else table.friction
-        rms = table.roughness.of_both if table.roughness else 0.0
+        friction, rms = _surface(table)
         faces = fem.PressedFaces(
             interface,
             friction,
@@ -106,7 +104,7 @@ def bolted_places(
         for face in place.faces:
             name = face.partition(":")[2]
             disc = selection.patches[name]
-            assert isinstance(disc, Disc)
+            assert isinstance(disc, Disc | CurvedDisc)
             selection.patches[name] = disc._replace(radius=stiffness.held)
 
         # a key of the scene replaces its spring
@@ -117,7 +115,7 @@ def bolted_places(
         spread = np.where([own is None for own in given], stiffness.deviation, 0.0)
 
         # in a contact head and nut press discs of the outer faces
-        in_contact, rod = table.model == "contact", None
+        in_contact, rod = table.model == CONTACT, None
         first, last = place.faces
         if in_contact:
             ends_of_bolt = []
@@ -147,14 +145,60 @@ def bolted_places(
             table.bolt_name, preload, deviation, bolt.proof_load, stiffness, springs, spread,
             tuple(fasteners),
             place.axis,
-            friction,
-            rms,
-            table.flatness or 0.0,
             max(diameter for diameter, _ in place.holes),
             in_contact,
             rod,
         )  # fmt: skip
     return placed
+
+
+class FacesInContact(NamedTuple):
+    """A touching pair whose faces are in contact under preload."""
+
+    joint: str  # name of its table
+    pair: str  # "left|right", as the touching pair is named
+    friction: float
+    rms: float  # [m] of the heights of both faces
+    flatness: float  # [m] height of their crown
+    least_gap: float | None  # [m] between round faces, None of a mesh that is given
+    is_round: bool = False  # they touch at a point or along a line
+
+
+def faces_in_contact(
+    scene: Scene, layout: Drawing, jointed: Mapping[str, str]
+) -> tuple[FacesInContact, ...]:
+    """The touching pairs of joints in contact; `jointed` has the joint's name by the pair's."""
+    tables = scene.bushings
+    faces = []
+    for touch in layout.near.touching:
+        table = tables.get(jointed.get(touch.name, ""))
+        if table is None or table.model != CONTACT:
+            continue
+        rounds = layout.round_contacts.get(touch.name, ())
+        gaps = [one.distance for one in rounds]
+        for contact in () if rounds else touch.contacts:
+            # of cylinders in each other where they are closest
+            a, b = (
+                layout.bodies[body].face(tag)
+                for body, tag in zip(touch.bodies, contact.faces, strict=True)
+            )
+            if a.axis is not None and b.axis is not None:
+                off = float(off_axis(b.on_axis, a.on_axis, a.axis))
+                gaps.append(max(abs(a.radius - b.radius) - off, 0.0))
+        least = min(gaps) if gaps and layout.own is None else None
+        faces.append(
+            FacesInContact(
+                table.name, touch.name, *_surface(table), table.flatness or 0.0, least,
+                bool(rounds),
+            )
+        )  # fmt: skip
+    return tuple(faces)
+
+
+def _surface(table: Bolts) -> tuple[float, float]:
+    """Friction, and rms [m] of the heights of both faces."""
+    friction = FRICTION if table.friction is None else table.friction
+    return friction, table.roughness.of_both if table.roughness else 0.0
 
 
 def _preload(table: Bolts) -> tuple[float, float]:

@@ -19,19 +19,19 @@ from beadwave.workflows.files.run_folder import Picture
 from beadwave.workflows.report.summary import ContactRow
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import Scene
-from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 
+CLOSE = 1e-8  # [m] up to which faces without a load fit each other: rounding and chords
 STATES = {0: "open", 1: "closed, slides", 2: "closed, sticks"}
 READING = """\
 zone: of a bolt, with its hole;  stuck: share of the zone whose shear under the preload is below
-friction times pressure;  errors: of the pressure by its jumps between facets, of the zone's area by
-half of the facets at its rim"""
+friction times pressure;  errors: of the zone's area by half of the facets at its rim, of the
+pressure by its jumps between facets, and no less than the zone's"""
 
 
 def contact_numbers(scene: Scene, mesh: Parts, model: fem.Model) -> list[ContactRow]:
     """The rows of a model's faces in contact."""
-    return contact_rows(model.contact, mesh.bolted)
+    return contact_rows(model.contact, mesh)
 
 
 def contact_files(scene: Scene, model: fem.Model) -> dict[str, bytes]:
@@ -43,26 +43,21 @@ def contact_files(scene: Scene, model: fem.Model) -> dict[str, bytes]:
     }
 
 
-def contact_rows(
-    contact: PreloadedContact | None, places: Sequence[BoltedPlace]
-) -> list[ContactRow]:
-    """A row for each joint; a facet belongs to the bolt that is nearest to it."""
-    pressed = [place for place in places if place.in_contact]
-    if contact is None or not pressed:
+def contact_rows(contact: PreloadedContact | None, mesh: Parts) -> list[ContactRow]:
+    """A row for each joint; of two faces a facet belongs to the bolt that is nearest to it."""
+    if contact is None:
         return []
-    points, area = contact.facets.points, contact.facets.area
-    nearest = np.argmin(
-        [np.linalg.norm(points - place.centre, axis=1) for place in pressed], axis=0
-    )
+    area, (groups, of_facet) = contact.facets.area, mesh.pressed_groups(contact.facets)
     at_rim, rows = rim(contact), []
-    for joint in dict.fromkeys(place.joint for place in pressed):
-        of_joint = [i for i, place in enumerate(pressed) if place.joint == joint]
-        mine = np.isin(nearest, of_joint)
+    for joint in dict.fromkeys(name for name, _ in groups):
+        of_joint = [i for i, (name, _) in enumerate(groups) if name == joint]
+        mine = np.isin(of_facet, of_joint)
         on = mine & (contact.state != OPEN)
         zone = float(area[on].sum())
-        holes = [pressed[i].hole for i in of_joint]
+        holes = [place.hole if place else 0.0 for _, place in (groups[i] for i in of_joint)]
         per_bolt = zone / len(of_joint) / np.pi + np.mean(np.square(holes)) / 4
         part = contact._replace(state=np.where(mine, contact.state, OPEN))
+        zone_error = float(area[mine & at_rim].sum() / 2 / max(zone, 1e-300))
         rows.append(
             ContactRow(
                 joint=joint,
@@ -71,8 +66,12 @@ def contact_rows(
                 pressure_max_Pa=float(contact.pressure[mine].max()),
                 force_N=float(contact.pressure[mine] @ area[mine]),
                 stuck_share=float(area[mine & (contact.state == STUCK)].sum() / max(zone, 1e-300)),
-                pressure_error=pressure_error(part),
-                zone_error=float(area[mine & at_rim].sum() / 2 / max(zone, 1e-300)),
+                # of a force that is known: a few facets alike jump less than they miss
+                pressure_error=max(pressure_error(part), zone_error),
+                zone_error=zone_error,
+                follows_preload=bool(
+                    contact.rough[on].any() or np.abs(contact.start[mine]).max() > CLOSE
+                ),
             )
         )
     return rows
@@ -96,7 +95,25 @@ def contacts_text(rows: Sequence[ContactRow]) -> str:
         "contact", "zone [mm^2]", "radius [mm]", "highest pressure [MPa]", "its error",
         "force [kN]", "stuck",
     )  # fmt: skip
-    return f"{aligned_text(head, cells)}\n{READING}"
+    return "\n".join([aligned_text(head, cells), READING, *preload_sentences(rows)])
+
+
+def preload_sentences(rows: Sequence[ContactRow]) -> list[str]:
+    """What a change of the preload does to zones and frequencies."""
+    following = [row.joint for row in rows if row.follows_preload]
+    others = [row.joint for row in rows if not row.follows_preload]
+    sentences = []
+    if following:
+        sentences.append(
+            f"{', '.join(following)}: faces that are apart, curved unlike each other or rough; "
+            "zone and frequencies change with the preload."
+        )
+    if others:
+        sentences.append(
+            f"{', '.join(others)}: hard faces that fit each other; neither zone nor frequencies "
+            "depend on the preload."
+        )
+    return sentences
 
 
 def contact_arrays(contact: PreloadedContact, **more: NDArray[np.float64]) -> bytes:

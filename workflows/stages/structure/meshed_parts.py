@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from beadwave import fem
+from beadwave.fem.contact.facing_facets import FacingFacets
 from beadwave.geometry.cad.removals import Removal
 from beadwave.geometry.cad.struck_face import Struck
 from beadwave.geometry.drawing import nodes_of
 from beadwave.geometry.meshing.size_field import SizeField
-from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace
+from beadwave.workflows.stages.structure.bolted_joints import BoltedPlace, FacesInContact
 
 STRIKE = "strike"  # name of the face that the chain leans on
 
@@ -79,6 +80,7 @@ class Parts(NamedTuple):
     sizes: ElementSizes = ElementSizes()  # that it was meshed with
     bolted: tuple[BoltedPlace, ...] = ()  # places of bolts that are known from their drawing
     closed: tuple[fem.Tie, ...] = ()  # the faces that these bolts press, as if they were tied
+    in_contact: tuple[FacesInContact, ...] = ()  # under these bolts and loads, of `contacts`
     boxes: Mapping[str, NDArray[np.float64]] = MappingProxyType({})  # as those of `ElementSizes`
     # by body the volume of its mesh over its own, less 1: elements cut curved faces short
     chords: Mapping[str, float] = MappingProxyType({})
@@ -87,23 +89,56 @@ class Parts(NamedTuple):
     @property
     def assembled(self) -> fem.Connections:
         """The connections without the joints whose faces are in contact."""
-        in_contact = {place.number for place in self.bolted if place.in_contact}
-        joints = [j for i, j in enumerate(self.connections.joints) if i not in in_contact]
+        pressed = {place.number for place in self.bolted if place.in_contact}
+        joints = [j for i, j in enumerate(self.connections.joints) if i not in pressed]
         return self.connections._replace(joints=joints)
 
     @property
     def contacts(self) -> tuple[fem.Tie, ...]:
-        """Pairs of faces in contact, the slave carries the pressure."""
-        pairs = {frozenset(p.pair.split("|")) for p in self.bolted if p.in_contact}
+        """Pairs of faces in contact, in the order of `in_contact`; the slave carries the
+        pressure."""
         return tuple(
-            tie for tie in self.closed
-            if frozenset(face.partition(":")[0] for face in (tie.slave, tie.master)) in pairs
-        )  # fmt: skip
+            next(tie for tie in self.closed if tie.slave.partition(":")[2] == faces.pair)
+            for faces in self.in_contact
+        )
+
+    @property
+    def touching_alone(self) -> list[tuple[str, str]]:
+        """Pairs of bodies whose faces are in contact and that no bolt joins."""
+        return [
+            (faces.pair.split("|")[0], faces.pair.split("|")[1])
+            for faces in self.in_contact
+            if not self.bolts_of(faces)
+        ]
 
     @property
     def rods(self) -> tuple[fem.Rod, ...]:
         """Bolts that press faces in contact."""
         return tuple(place.rod for place in self.bolted if place.rod is not None)
+
+    def bolts_of(self, faces: FacesInContact) -> list[BoltedPlace]:
+        """The bolts between two faces in contact."""
+        bodies = {*faces.pair.split("|")}
+        return [p for p in self.bolted if p.in_contact and {*p.pair.split("|")} == bodies]
+
+    def pressed_groups(
+        self, facets: FacingFacets
+    ) -> tuple[list[tuple[str, BoltedPlace | None]], NDArray[np.int64]]:
+        """Groups of facets in contact that one bolt presses, the nearest one of those between its
+        two faces, or all of a pair of faces without bolts: their joints with the bolts, and the
+        group (m,) of each facet."""
+        groups: list[tuple[str, BoltedPlace | None]] = []
+        of_facet = np.zeros(len(facets.area), np.int64)
+        for i, faces in enumerate(self.in_contact):
+            mine, bolts = facets.pair == i, self.bolts_of(faces)
+            nearest = 0
+            if bolts:
+                centres = np.array([place.centre for place in bolts])
+                off = facets.points[mine][:, None] - centres
+                nearest = np.linalg.norm(off, axis=2).argmin(axis=1)
+            of_facet[mine] = len(groups) + nearest
+            groups += [(place.joint, place) for place in bolts] or [(faces.joint, None)]
+        return groups, of_facet
 
     def face(self, name: str) -> str:
         """A named face as "body:name"."""
