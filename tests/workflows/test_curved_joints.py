@@ -186,7 +186,7 @@ def clamped(**joint):
     }  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.minutes
 def test_saddles_on_a_bar_carry_the_bolt_and_have_frequencies_of_their_springs(
     tmp_path, monkeypatch
 ):
