@@ -215,6 +215,32 @@ def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     assert mine.energy_error < 0.2 * error
 
 
+@pytest.mark.parametrize("gamma", [0.0, 1.0])
+def test_a_row_that_rubs_is_marched_with_order_2(gamma):
+    """An oblique impact that slips all over; with a damper, whose pressure bounds the slip, too."""
+    fields = {"dissipation": "hunt-crossley", "gamma": gamma} if gamma else {}
+    one = chain(1, **fields)
+    last = LastSphere(
+        tangential_law(0.1, *STEEL_ON_STEEL), 0.4 * float(one.mass[-1]) * R**2,
+        np.array([0.5, 0.2]),
+    )  # fmt: skip
+    behind = space.Structure(
+        OMEGA, ZETA, ALONG_AND_ACROSS, np.zeros(3, np.int64), AXES, np.array([[-1.2e-9, -1e-9]]),
+        BESIDES[None],
+    )  # fmt: skip
+    rows = space.rows_of(
+        [space.Row(one, striking(1, 0.3), np.zeros(3), AXES[0], last=last)], behind
+    )
+    run = {"duration": 6e-5, "n_save": 30}
+    marches = [
+        space.march(rows.packing, behind, rows.velocity, dt=dt, **run)
+        for dt in (1e-7, 5e-8, 2.5e-8)
+    ]
+    for name in ("velocity", "angular_velocity"):
+        a, b, c = (getattr(found, name) for found in marches)
+        assert 3.8 < np.abs(a - b).max() / np.abs(b - c).max() < 4.2
+
+
 def test_a_row_that_rubs_leaves_the_laws_of_others_alone():
     """Beside it a row that yields, damped by a linear damper: each as it is alone."""
     phi = np.zeros((4, 8))

@@ -352,6 +352,7 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
         ({"shakers": [{"name": "s", "on": "plate:-z", "frequency": 100, "force": 1}]},
          r"\[shakers\] is not of \[\[chains\]\]"),
+        ({"friction": {"coefficient": 0.1, "upstream": "held"}}, "friction.upstream is of one"),
         ({"arm": {}}, r"chains.top: \[arm\] holds the last sphere against friction"),
         ({"chains": [TOP | {"friction": {"coefficient": 0.1}, "contact": {
             "law": "thornton", "yield_pressure": 1e9}}]}, 'top: .friction. with contact.law = "th'),

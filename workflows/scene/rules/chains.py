@@ -85,7 +85,11 @@ def of_chains(scene: Scene) -> Iterator[str]:
         if getattr(striker, "tangential_velocity", None):
             yield "striker.tangential_velocity is of one [chain] under [friction]; drop it."
             continue
-        for sentence in of_friction(scene.of_each_chain[row.name]):
+        one = scene.of_each_chain[row.name]
+        if one.friction and one.friction.upstream != "free":
+            yield f"{key}: friction.upstream is of one [chain] below which shakers move; drop it."
+            continue
+        for sentence in of_friction(one):
             yield f"{key}: {sentence}"
     yield from _overlapping(chains)
     laws = {
