@@ -27,6 +27,8 @@ from beadwave.dem.trajectory import Trajectory
 # limits of the model, as the sources above state them
 SMALL_CONTACT = 0.1  # contact radius over the smaller sphere's
 SLOW = 0.01  # speed over that of sound in a bar
+# of the largest force at a contact, from which on preload and weight are its cause
+MOSTLY_AT_REST = 0.5
 HARD = 0.01  # yield stress over Young's modulus of a hard material, as hardened steel
 
 
@@ -39,6 +41,11 @@ class Strain(NamedTuple):
     contact: str  # which one that is, in words
     yield_stress: float | None  # [Pa] of its softer side; None: HARD times Young's modulus
     speed_ratio: float  # largest speed over the speed of sound
+    of_wall: bool = False  # the softer side there is the wall's
+    # force before the impact, of preload and weight, over the largest one: at that contact, and at
+    # the one of the largest radius
+    at_rest: float = 0.0
+    at_rest_largest: float = 0.0
 
 
 def strain(
@@ -87,6 +94,11 @@ def strain(
         a = contact_radius(peak, R, E_star)
     else:
         a = yielded_radius(peak, R, chain.A, chain.yield_overlap)
+    # what the contacts carry before anything moves
+    rest = np.zeros(peak.size)
+    if len(contact_force):
+        rest = np.asarray(contact_force)[0] / np.maximum(peak, 1e-300)
+    widest = int((a / smaller).argmax()) if peak.size else None
     return Strain(
         float((a / smaller).max(initial=0.0)),
         0.0 if worst is None else float(pressure[worst]),
@@ -94,19 +106,24 @@ def strain(
         "" if worst is None else place(worst, chain.mass.size),
         None if worst is None or np.isnan(stated[softer[worst]]) else float(stated[softer[worst]]),
         float((np.abs(v).max(axis=0) / sound).max()),
+        worst is not None and int(softer[worst]) == len(young),
+        0.0 if worst is None else float(rest[worst]),
+        0.0 if widest is None else float(rest[widest]),
     )
 
 
 def outside(strain: Strain) -> tuple[str, ...]:
     """A sentence for each limit of the model that a run has passed."""
     sentences = []
-    if strain.radius_ratio > SMALL_CONTACT:
+    radius = strain.radius_ratio / SMALL_CONTACT
+    if radius > 1:
         sentences.append(
             f"A contact grows to {strain.radius_ratio:.2g} of the sphere's radius, where Hertz' "
-            f"law requires less than {SMALL_CONTACT:g}; reduce the striker's velocity or take a "
+            f"law requires less than {SMALL_CONTACT:g}; {less(radius, strain.at_rest_largest)} or take a "
             "stiffer material."
         )
-    if strain.pressure > strain.yield_pressure:
+    pressure = strain.pressure / strain.yield_pressure
+    if pressure > 1:
         scale, unit = (1e-9, "GPa") if strain.yield_pressure >= 1e8 else (1e-6, "MPa")
         limit = f"the {scale * strain.yield_pressure:.3g} {unit} at which "
         remedy = ""
@@ -115,13 +132,14 @@ def outside(strain: Strain) -> tuple[str, ...]:
                 f"its softer side would yield with a yield stress of {100 * HARD:g} % of Young's "
                 "modulus, which few materials reach"
             )
-            remedy = ", or state chain.yield_stress of a harder one"
+            key = "the yield_stress of the wall" if strain.of_wall else "chain.yield_stress"
+            remedy = f", or state {key} of a harder one"
         else:
             limit += f"its softer side yields, 1.6 times {scale * strain.yield_stress:.3g} {unit}"
         sentences.append(
             f"The pressure of the contact {strain.contact} reaches "
             f"{scale * strain.pressure:.3g} {unit}, above {limit}; the elastic contact is too "
-            f"stiff there: reduce the striker's velocity{remedy}."
+            f"stiff there: {less(pressure, strain.at_rest)}{remedy}."
         )
     if strain.speed_ratio > SLOW:
         sentences.append(
@@ -129,6 +147,15 @@ def outside(strain: Strain) -> tuple[str, ...]:
             f"static contact law requires less than {SLOW:g}; reduce the striker's velocity."
         )
     return tuple(sentences)
+
+
+def less(beyond: float, at_rest: float) -> str:
+    """What to reduce at a contact whose radius or pressure is `beyond` times its limit, of a force
+    of which this share is there at rest: both go with its cube root."""
+    if at_rest < MOSTLY_AT_REST and beyond * at_rest ** (1 / 3) < 1:
+        return "reduce the striker's velocity"
+    share = f"{100 * at_rest:.0f} % of its force are there before the impact"
+    return f"{share}, of preload and weight: reduce these"
 
 
 def place(contact: int, n_spheres: int) -> str:

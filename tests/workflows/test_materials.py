@@ -116,6 +116,30 @@ def test_yield_is_judged_by_the_softer_side_of_each_contact():
     assert hard.contact == "of spheres 1 and 2"
 
 
+@pytest.mark.parametrize(
+    ("at_rest", "remedy"),
+    [
+        (0.0, "reduce the striker's velocity"),
+        (60.0, "59 % of its force are there before the impact, of preload and weight: reduce"),
+        # an eighth of the force has half of the pressure, which is 1.7 times the limit by itself
+        (12.75, "12 % of its force are there before the impact"),
+    ],
+)
+def test_a_preload_that_presses_too_hard_is_told_from_a_striker_that_does(at_rest, remedy):
+    """Of a wall without a yield stress that is its own the remedy names the wall's."""
+    chain, force = dem_chain(), np.array([[at_rest] * 3, [102.0] * 3])
+    strain = dem.strain(
+        chain, 210e9, force, np.zeros((2, 3)), yield_stress=2e11, of_wall=(70e9, 260e6)
+    )
+    (sentence,) = dem.outside(strain)
+    assert remedy in sentence
+    unknown = dem.strain(
+        chain, 210e9, force, np.zeros((2, 3)), yield_stress=2e11, of_wall=(70e9, np.nan)
+    )
+    (sentence,) = dem.outside(unknown)
+    assert "or state the yield_stress of the wall of a harder one" in sentence
+
+
 def dem_chain():
     """Three steel spheres of 6 mm before an aluminium wall."""
     from beadwave.workflows.stages.chain.chain import chain
