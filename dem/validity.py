@@ -119,8 +119,8 @@ def outside(strain: Strain) -> tuple[str, ...]:
     if radius > 1:
         sentences.append(
             f"A contact grows to {strain.radius_ratio:.2g} of the sphere's radius, where Hertz' "
-            f"law requires less than {SMALL_CONTACT:g}; {less(radius, strain.at_rest_largest)} or take a "
-            "stiffer material."
+            f"law requires less than {SMALL_CONTACT:g}; {less(radius, strain.at_rest_largest)} or "
+            "take a stiffer material."
         )
     pressure = strain.pressure / strain.yield_pressure
     if pressure > 1:
