@@ -18,6 +18,7 @@ from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.body_shapes import grid_lines
 from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory, too_large_mesh
 from beadwave.workflows.scene.toml import resolved
+from beadwave.workflows.stages.engine.stage_table import has_bolts
 from beadwave.workflows.stages.pages.pictures import fixtures_of_faces
 from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import (
@@ -333,7 +334,7 @@ def look(
         dofs=dofs,
         unknowns=(dofs - constrained_dofs(parts)) if parts else dofs if whole else None,
         memory_bytes=peak_memory(scene, nodes),
-        seconds=foreseen_seconds(nodes),
+        seconds=foreseen_seconds(nodes, bounded=whole and has_bolts(scene)),
         remarks=remarks + heavy + overloaded + large + chosen,
     )
     return LookContents(report, scene, whole, parts, surfaces, fixtures, start, page)
