@@ -75,7 +75,7 @@ from mesh_errors import (
 ASKED = (0.05, 0.02, 0.005)  # mesh.error
 MIDDLE = 1  # of these, whose mesh is split for the limit, or an earlier one's if it is smaller
 BOUND = 40_000  # mesh.unknowns
-MOST_UNKNOWNS = 2e5  # of a mesh that is split
+MOST_UNKNOWNS = 1.3e5  # of a mesh that is split
 SCALES = (2.0, 1.4, 1.0, 0.7, 0.5)  # mesh.scale of even meshes
 N_GOALS = 12
 FLAT = 1e-6  # of a volume: what facets cut off bodies without curved faces
@@ -522,7 +522,8 @@ def summary(rows: list[Row]) -> str:
     """Ratios of numbers and of whole meshes, errors met, and shares, as a line."""
     ratios = np.array([ratio for row in rows for ratio in row.ratios])
     whole = np.array([row.stated / row.true for row in rows if np.isfinite(row.true)])
-    share, least = np.array([[row.share, row.least] for row in rows if row.share > 0] or [[], []]).T
+    shares = [[row.share, row.least] for row in rows if np.isfinite(row.share)]
+    share, least = np.reshape(shares, (-1, 2)).T
     if not len(ratios):
         return "none"
     return (
