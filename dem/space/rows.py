@@ -110,34 +110,41 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     if np.any(joined["yield_overlap"] < NO_YIELD):
         fields["yield_overlap"] = joined["yield_overlap"][order]
     load, weight = (joined[name][:, None] * direction for name in ("load", "weight"))
-    velocity = joined["velocity"][:, None] * direction
-    springs = [(i, np.sqrt(joined["leaf"][i]) * direction[i])
-               for i in np.flatnonzero(joined["leaf"])]  # fmt: skip
-    across = _across(rows, structure, joined["mass"], joined["radius"], contact, springs, velocity)
+    leaf = np.flatnonzero(joined["leaf"])
+    lines = np.sqrt(joined["leaf"][leaf])[:, None] * direction[leaf]
+    across = _across(rows, structure, joined["mass"], joined["radius"], contact)
+    held = HoldingSprings(np.append(leaf, across.held.sphere), np.vstack([lines, across.held.line]))
     packing = Packing(
         rest, joined["radius"], joined["mass"], np.column_stack([order, second]), inner.size, arm,
-        joined["overlap"][order], joined["A"][order], np.zeros(n),
-        load=load if load.any() else None, weight=weight if weight.any() else None, **fields,
-        **({"guides": line_guides(direction)} | across),
+        joined["overlap"][order], joined["A"][order], np.zeros(n), guides=across.guides,
+        springs=across.springs, held=held if held.sphere.size else None, arms=across.arms,
+        added_inertia=across.added_inertia, load=load if load.any() else None,
+        weight=weight if weight.any() else None, **fields,
     )  # fmt: skip
-    if springs:
-        sphere, line = zip(*springs, strict=True)
-        packing = packing._replace(held=HoldingSprings(np.array(sphere), np.array(line)))
+    velocity = joined["velocity"][:, None] * direction + across.velocity
     return Rows(packing, velocity, of_row, direction, joined["start"], contact)
 
 
+class _Across(NamedTuple):
+    """Last spheres that move across their rows, as parts of the packing; None where none rubs."""
+
+    guides: Guides
+    held: HoldingSprings  # of the arms, across
+    velocity: Array  # (s, 3) [m/s] across
+    springs: RubbingContacts | None = None
+    arms: Arms | None = None
+    added_inertia: Array | None = None
+
+
 def _across(
-    rows: Sequence[Row], structure: Structure, mass: Array, radius: Array, contact: Numbers,
-    springs: list[tuple[int, Array]], velocity: Array,
-) -> dict[str, Guides | RubbingContacts | Arms | Array]:  # fmt: skip
-    """Fields of the packing for last spheres that move across their rows; adds the springs of their
-    arms and their velocities."""
-    if all(row.last is None for row in rows):
-        return {}
-    counts = [len(row.chain.mass) for row in rows]
+    rows: Sequence[Row], structure: Structure, mass: Array, radius: Array, contact: Numbers
+) -> _Across:
+    """The last spheres of rows with friction, contact (s,) behind each sphere."""
+    counts, s = [len(row.chain.mass) for row in rows], len(mass)
     along = np.array([row.direction / np.linalg.norm(row.direction) for row in rows])
     guides = line_guides(np.repeat(along, counts, axis=0))
-    added, rubbing, arms = np.zeros(len(mass)), [], []
+    velocity, added, rubbing = np.zeros((s, 3)), np.zeros(s), []
+    held, arms = [], []  # sphere and line, sphere and stiffness
     for i, (row, end) in enumerate(zip(rows, np.cumsum(counts) - 1, strict=True)):
         last = row.last
         if last is None:
@@ -156,33 +163,36 @@ def _across(
             )
         except InvalidChain as error:
             raise InvalidChain(f"{row.name}: {error}") from None
-        velocity[end] += across @ frame
+
+        # what moves and turns it, and what holds it; an infinite stiffness clamps
+        velocity[end] = across @ frame
         added[end] = last.inertia - 0.4 * mass[end] * radius[end] ** 2
         for k, t in zip(stiffness, frame, strict=True):
             if np.isfinite(k):
                 guides.motion[end] += np.outer(t, t)
-                if k > 0.0:
-                    springs.append((end, np.sqrt(k) * t))
+                held += [(end, np.sqrt(k) * t)] if k > 0.0 else []
         if np.isfinite(last.arm_rotation):
             guides.turn[end] = frame.T @ frame
-            if last.arm_rotation > 0.0:
-                arms.append((end, last.arm_rotation))
+            arms += [(end, last.arm_rotation)] if last.arm_rotation > 0.0 else []
         rubbing.append((contact[end], frame, last.law))
         if last.before is not None:
             rubbing.append((contact[end - 1], frame, last.before))
 
+    spheres = HoldingSprings(
+        np.array([sphere for sphere, _ in held], np.int64),
+        np.reshape([line for _, line in held], (-1, 3)),
+    )
+    if not rubbing:
+        return _Across(guides, spheres, velocity)
     where, frames, laws = zip(*rubbing, strict=True)
     of_laws = tuple(np.array([getattr(law, name) for law in laws])
                     for name in TangentialLaw._fields[:3])  # fmt: skip
-    fields = {
-        "guides": guides,
-        "springs": RubbingContacts(np.array(where), np.array(frames), of_laws),
-        "added_inertia": added,
-    }
+    springs = RubbingContacts(np.array(where), np.array(frames), of_laws)
+    turned = None
     if arms:
         sphere, stiffness = zip(*arms, strict=True)
-        fields["arms"] = Arms(np.array(sphere), np.array(stiffness), np.zeros((len(arms), 3)))
-    return fields
+        turned = Arms(np.array(sphere), np.array(stiffness), np.zeros((len(arms), 3)))
+    return _Across(guides, spheres, velocity, springs, turned, added)
 
 
 def _at_rest(row: Row, structure: Structure, point: int) -> dict[str, Array]:
