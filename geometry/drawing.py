@@ -153,7 +153,6 @@ def meshed(
         named=named,
         patches=chosen.patches,
         element=sizing.element,
-        graded=sizing.graded,
         seconds=sizing.seconds,
     )
     if chosen.partly:
@@ -175,7 +174,7 @@ def sizes_of(bodies: Mapping[str, Body], sizing: Sizing) -> "Sizes":
     scale, usual = sizing.scale, default_seeds(bodies)
     seeds = {name: scale * (sizing.seeds[name] or sizing.usual * usual[name]) for name in bodies}
     fine = [Fine(*place._replace(size=scale * place.size)) for place in sizing.fine]
-    return Sizes(seeds, fine, sizing.coarser, sizing.fields, sizing.curved)
+    return Sizes(seeds, fine, sizing.coarser, sizing.fields, sizing.curved, sizing.graded)
 
 
 def nodes_foreseen(drawing: Drawing, sizing: Sizing) -> dict[str, float]:

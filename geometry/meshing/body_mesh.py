@@ -13,7 +13,7 @@ t = 2 V / area,
     n = V / s^3 (inner + outer s / t) + the finer elements around its cylinders and circles
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, log, pi
 
 import gmsh
@@ -83,7 +83,6 @@ def body_meshes(
     named: Mapping[str, FaceSelection] | None = None,
     patches: Mapping[str, Patch] | None = None,
     element: str | None = None,
-    graded: Collection[str] = (),
     seconds: float = inf,
 ) -> dict[str, Mesh]:
     """A mesh for every body, in metres; to be called once inside the bodies' ``with model(...)``.
@@ -91,7 +90,7 @@ def body_meshes(
     Boundaries of a mesh are the body's `named` faces and its `patches`, and "a|b" where it touches
     another body, under the same name in both. `element` = "tet" meshes all in tetrahedra, as do
     sizes that are of tetrahedra; else what is an extrusion is meshed in hexahedra, but for bodies
-    that are `graded`. Raises InvalidGeometry for a seed that would give too many nodes, and
+    whose sizes are graded. Raises InvalidGeometry for a seed that would give too many nodes, and
     ValueError, naming the body, for what gmsh cannot mesh. A command ends where a body takes longer
     than `seconds`.
     """
@@ -120,7 +119,7 @@ def body_meshes(
                 # sizes of tetrahedra fit no layers: a wall that hexahedra filled for the first time
                 # at its second mesh had 19 times the nodes in place of 5
                 of_tetrahedra = size.field is not None and not size.field.axes.any()
-                tet = element == "tet" or name in graded or of_tetrahedra
+                tet = element == "tet" or name in sizes.graded or of_tetrahedra
                 mesh, middles = (None if tet else hexahedra(*order)) or tetrahedra(*order)
         except ValueError as error:
             if isinstance(error, InvalidGeometry) or error.__cause__ is None:

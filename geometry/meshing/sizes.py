@@ -1,6 +1,6 @@
 """Element sizes of a body: its seed, smaller at fine points and growing away from them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import log, pi
 from typing import NamedTuple
 
@@ -75,6 +75,8 @@ class Sizes(NamedTuple):
     coarser: float = 1.0  # times all of them, see `Size.times`
     fields: Mapping[str, SizeField] = {}  # by body
     curved: bool = False  # whether elements follow curved faces
+    # bodies in tetrahedra alone, as their fine points are so fine that grid lines would be too many
+    graded: Collection[str] = ()
 
     def of(self, body: Body) -> Size:
         """Element sizes of one body."""
