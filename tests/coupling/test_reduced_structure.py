@@ -8,6 +8,8 @@ from scipy.linalg import eigh
 from beadwave import coupling, dem, rom
 from beadwave.coupling.reduced_structure import require_answer, structure_of
 from beadwave.dem import space
+from beadwave.dem.friction import tangential_law
+from beadwave.dem.lateral import LastSphere
 
 N = 60  # masses of 20 g on springs of 4e7 N/m: modes from 300 Hz to 14 kHz
 ENDS = (N - 1, N // 3)
@@ -77,3 +79,26 @@ def test_a_contact_stiffer_than_what_is_taken_off_for_it_is_refused():
     )
     with pytest.raises(coupling.CouplingError, match="leave no unique force"):
         require_answer(rows.packing, structure, rows.velocity)
+
+
+def test_a_contact_that_rubs_across_a_larger_negative_compliance_is_refused():
+    """At the largest force the contact that sticks gives way across by 1/k_t."""
+    axes = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    row = dem.row_of_spheres(6e-3, 7800.0, 210e9, 0.3, count=2, flat=dem.Flat(210e9, 0.3))
+    law = tangential_law(0.2, 6e-3, 210e9, 0.3, np.inf, 210e9, 0.3)
+    last = LastSphere(law, 0.4 * float(row.mass[-1]) * 6e-3**2, np.zeros(2))
+    k_n = 1.5 * row.A[-1] * np.sqrt((2.5 * 0.5 * row.mass[0] * 0.3**2 / row.A[-1]) ** 0.4)
+    k_t = k_n * 2 * (1 - 0.3) / (2 - 0.3)
+    for share, refused in ((0.9, False), (1.1, True)):
+        structure = space.Structure(
+            np.array([1e4]), np.zeros(1), np.ones((3, 1)), np.zeros(3, np.int64), axes,
+            np.array([[0.0, -share / k_t]]),
+        )  # fmt: skip
+        rows = space.rows_of(
+            [space.Row(row, np.array([0.3, 0.0]), np.zeros(3), axes[0], last=last)], structure
+        )
+        if not refused:
+            require_answer(rows.packing, structure, rows.velocity)
+            continue
+        with pytest.raises(coupling.CouplingError, match="leave no unique force"):
+            require_answer(rows.packing, structure, rows.velocity)
