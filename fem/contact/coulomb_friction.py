@@ -239,7 +239,7 @@ def _unmet(interface: FrictionInterface, s_before: NDArray, s: NDArray, d: NDArr
     F[:m] = np.where(opens, P, np.where(closes, apart, s[:m]))
     F[m:] = np.where(slips, T - limit * n, F[m:].reshape(2, -1)).ravel()
     share = np.where(slips, limit / np.where(slips, length, 1.0), 0.0)
-    return Unmet(F, opens, closes, slips, n, share, length / np.maximum(limit, 1e-300))
+    return Unmet(F, opens, closes, slips, n, share, length / np.maximum(limit, 1e-200))
 
 
 def _newton_step(interface: FrictionInterface, unmet: Unmet) -> NDArray[np.float64]:

@@ -83,6 +83,14 @@ class Loop(NamedTuple):
         """[Hz] of the free motion on it, two half periods from peaks at rest."""
         return 1.0 / sum(half_period(q, alpha) for q, alpha in zip(self.q, self.alpha, strict=True))
 
+    @property
+    def is_monotone(self) -> bool:
+        """True where q falls along the first branch and rises along the second. It does not where
+        bodies roll on round faces: the geometric stiffness of their pressure, which W leaves out,
+        is as large as that of their contact."""
+        down, up = np.diff(self.q, axis=1)
+        return bool(np.all(down < 0) and np.all(up > 0))
+
     def forces_at(self, branch: int, alpha: float) -> NDArray[np.float64]:
         """s (m + 2 s,) [N] at a load of a branch, linear between its points."""
         n = self.alpha.shape[1] - 1
@@ -188,6 +196,7 @@ class ModalBackbone(NamedTuple):
     first_slip: NDArray[np.float64]  # (m,) [m] displacement from which on a facet slips; nan: never
     slips_whole: bool  # the faces carry no more than the last amplitude
     largest: float  # [kg^-1/2] displacement of the point that moves most, mass-normalised
+    rolls: bool = False  # beyond the last amplitude bodies roll on their faces, see `is_monotone`
 
 
 def friction_interface(model: Model) -> tuple[FrictionInterface, csr_matrix]:
@@ -237,9 +246,12 @@ def modal_backbone(
     interface = loaded.interface
     end = whole_slip(loaded, groups)
     alphas = np.geomspace(LOWEST, 1.0, N_AMPLITUDES) * end if np.isfinite(end) else []
-    fine, slips_whole = [], False
+    fine, slips_whole, rolls = [], False, False
     try:
         for loop in loops(loaded, alphas):
+            rolls = not (loop.is_monotone and loop.by_half.is_monotone)
+            if rolls:
+                break
             fine.append(loop)
     except NoEquilibrium:
         slips_whole = True
@@ -268,6 +280,7 @@ def modal_backbone(
         first_slip,
         slips_whole,
         largest,
+        rolls,
     )
 
 

@@ -292,7 +292,7 @@ def _face(skin: Skin, tag: int, named: Mapping[str, NDArray[np.int64]]) -> Face:
         centre=area @ skin.middle[tagged] / area.sum(),
         normal=mean if is_plane else None,
         axis=curved.axis if curved else None,
-        on_axis=curved.centre if curved and curved.axis is not None else None,
+        on_axis=curved.centre if curved else None,
         radius=curved.radius if curved else None,
         hollow=False,
         along=(0.0, 0.0),

@@ -3,6 +3,7 @@
 import re
 
 import gmsh
+import meshio
 import numpy as np
 import pytest
 
@@ -150,6 +151,43 @@ def test_a_ball_on_a_plate_has_hertz_zone_and_stiffens_with_its_load(tmp_path, m
         up = np.abs((pipeline("model").T @ phi)[2::3].mean(axis=0))
         bounces.append(omega[np.argmax(up)])
     assert bounces[1] / bounces[0] == pytest.approx(np.sqrt(2), rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_ball_of_a_mesh_file_has_hertz_zone_and_rolls_beyond_an_amplitude(tmp_path, monkeypatch):
+    """Of the mesh drawn for it: the faces are found round by their corners. The lowest mode rocks
+    the ball, which loops about one place of contact follow up to some amplitude."""
+    monkeypatch.chdir(tmp_path)
+    force = 500.0
+    scene = {
+        "name": "ball",
+        "assembly": {
+            "step": step("ball.step", half_ball), "held": ["body-1:-z"], "material": "steel",
+            "touching": "free",
+        },
+        "mesh": {"scale": 1.8},
+        "loads": [{"name": "push", "on": "body-2:+z", "force": force}],
+        "joints": [{"name": "seat", "between": "body-2|body-1", "model": "contact"}],
+    }  # fmt: skip
+    (mesh,) = through(scene, "mesh")
+    drawn = [mesh.meshes[name] for name in ("body-1", "body-2")]
+    n = drawn[0].p.shape[1]
+    cells = [("tetra", drawn[0].t.T), ("tetra", n + drawn[1].t.T)]
+    elements, none = [np.arange(len(cell)) for _, cell in cells], np.arange(0)
+    sets = {"body-1": [elements[0], none], "body-2": [none, elements[1]]}
+    points = np.vstack([part.p.T for part in drawn])
+    meshio.Mesh(points, cells, cell_sets=sets).write("ball.inp")
+    del scene["mesh"], scene["assembly"]["step"]
+    scene["assembly"]["mesh"] = "ball.inp"
+
+    result = modes(scene, amplitude=True)
+    (row,), a = result.table.contact, np.cbrt(0.75 * force * R / E_STAR)
+    assert row.zone_area_m2 == pytest.approx(np.pi * a**2, rel=row.zone_error)
+    assert row.pressure_max_Pa == pytest.approx(
+        1.5 * force / (np.pi * a**2), rel=row.pressure_error
+    )
+    assert "bodies roll on their faces above" in " ".join(result.table.warnings)
+    assert {one.mode for one in result.table.amplitude} == {1, 2, 3, 4, 5, 6}
 
 
 def saddles(occ):

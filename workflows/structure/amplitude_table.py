@@ -90,8 +90,17 @@ def slip_sentences(contact: PreloadedContact, backbones: Mapping[int, ModalBackb
         + (f" above {1e6 * at[0]:.3g} um, and nothing else carries the load." if len(at) else ".")
         for mode, at in whole
     ]
+    sentences += [
+        f"Mode {mode}: bodies roll on their faces"
+        + (f" above {1e6 * b.displacement[-1]:.3g} um" if len(b.displacement) else "")
+        + ", which loops about one place of contact do not follow."
+        for mode, b in backbones.items()
+        if b.rolls
+    ]
     none = [
-        str(mode) for mode, b in backbones.items() if not (len(b.displacement) or b.slips_whole)
+        str(mode)
+        for mode, b in backbones.items()
+        if not (len(b.displacement) or b.slips_whole or b.rolls)
     ]
     if none:
         sentences.append(
