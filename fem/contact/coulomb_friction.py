@@ -58,6 +58,7 @@ class Loaded(NamedTuple):
     interface: FrictionInterface
     openings: NDArray[np.float64]  # (m + 2 s,) [m/N] d_1
     compliance: float  # [m/N] of the load in its own direction, 1 / omega^2 of a mode
+    converged: float = CONVERGED  # of the forces, over the largest
 
     def displacement(self, alpha: float, s: NDArray[np.float64]) -> float:
         """q of a load and of the forces s (m + 2 s,) beyond the linear model."""
@@ -168,7 +169,8 @@ def _equilibrium(
         s = s + step / before.step * before.change
     while True:
         rows, others = part.rows, part.other_rows
-        solved = _newton(part.interface, before.s[rows], s[rows], linear[rows], scale)
+        unmet_at_most = loaded.converged * scale
+        solved = _newton(part.interface, before.s[rows], s[rows], linear[rows], unmet_at_most)
         if solved is None:
             return None
         forces, slips = solved
@@ -189,11 +191,11 @@ def _equilibrium(
 
 
 def _newton(
-    interface: FrictionInterface, s_before: NDArray, s: NDArray, linear: NDArray, scale: float
+    interface: FrictionInterface, s_before: NDArray, s: NDArray, linear: NDArray, most: float
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
     """Forces (m + 2 s,) [N] beyond the linear model at its openings `linear` (m + 2 s,) [m], from a
     guess s, and the facets (s,) that slip; None where the semi-smooth Newton method does not
-    converge to CONVERGED times `scale` [N].
+    converge to forces unmet by `most` [N].
 
     With d = alpha d_1 + W s the forces are T = T_0 + s_t - k d_t and P = P_0 + s_n - k d_n, so that
     s_t less that of the step before is k times the slip, s_n of a closed facet k times its opening:
@@ -206,7 +208,7 @@ def _newton(
     """
     for _ in range(MAX_STEPS):
         unmet = _unmet(interface, s_before, s, linear + interface.W @ s)
-        if np.abs(unmet.F).max(initial=0.0) <= CONVERGED * scale:
+        if np.abs(unmet.F).max(initial=0.0) <= most:
             return s, unmet.slips
         try:
             s = s + _newton_step(interface, unmet)

@@ -43,6 +43,9 @@ CLOSED, LOSS_OF_UNCLOSED = 0.1, 0.3
 # its limit, which at small amplitudes is five times what a cycle loses
 MAX_LOOPS = 8
 NEGLIGIBLE_LOSS = 1e-6  # of a smaller loss factor the error is that of this one
+# of the forces of loops: against 1e-9 losses of six modes at twenty amplitudes lie off by 4e-4 at
+# most, 0.003 of their deviations, and frequencies by 5e-8; an eighth of the time less
+CONVERGED_LOOPS = 1e-7
 N_AMPLITUDES, LOWEST = 20, 1e-2  # loads, and the least over that which whole bolts would slip at
 RESOLVED = 9  # facets that slip, from which on they sample a slip zone
 
@@ -243,6 +246,7 @@ def modal_backbone(
     """The backbone of a mode up to the load at which the first group of facets, groups (m,) with
     areas (m,) [m^2], would slip as a whole. `largest` [kg^-1/2] is the displacement of the point
     that moves most in the mass-normalised mode."""
+    loaded = loaded._replace(converged=CONVERGED_LOOPS)
     interface = loaded.interface
     end = whole_slip(loaded, groups)
     alphas = np.geomspace(LOWEST, 1.0, N_AMPLITUDES) * end if np.isfinite(end) else []
