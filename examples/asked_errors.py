@@ -42,6 +42,7 @@ from typing import Any, NamedTuple
 
 import gmsh
 import numpy as np
+from skfem import MeshHex
 
 from beadwave import fem, geometry
 from beadwave.fem.errors.optimal_sizes import balanced_weights, kappa_for
@@ -360,6 +361,8 @@ def compared(
         print(f"{scene.name}: {unknowns(held[0])} unknowns are too many to be split")
         return
     of_base = base("mesh")
+    is_hex = any(isinstance(mesh, MeshHex) for mesh in of_base.meshes.values())
+    element = "hex" if is_hex else "tet"
     split: list[Goals] = []
     for times in range(3):
         meshes = {name: geometry.refined(m, times) for name, m in of_base.meshes.items()}
@@ -415,7 +418,7 @@ def compared(
         worst = np.nanargmax(true)
         largest = true[worst] if told[worst] else np.nan
         yield Row(
-            scene.name, kind or scene.name, scene.mesh.element, asked, adapted.stated,
+            scene.name, kind or scene.name, element, asked, adapted.stated,
             adapted.bounded_by or "met", [m.unknowns for m in adapted.meshes],
             on_mesh.unknowns / even_unknowns(even, largest), at_error(even, foreseen, largest),
             np.where(told, stated, np.nan).tolist(), np.where(told, true, np.nan).tolist(),
