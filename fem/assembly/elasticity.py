@@ -148,6 +148,12 @@ def assemble(
     )
 
 
+def elements_of(mesh: Mesh) -> tuple[Element, int, int]:
+    """The quadratic element of a mesh of straight or curved cells, and the orders of its quadrature
+    for stiffness and mass."""
+    return next(choice for kind, choice in ELEMENTS.items() if isinstance(mesh, kind))
+
+
 def block_diagonal(blocks: Sequence[csr_matrix]) -> csr_matrix:
     """Square matrices along the diagonal of one; scipy's own takes four times the memory."""
     first = np.cumsum([0, *(block.shape[0] for block in blocks)])
@@ -165,8 +171,7 @@ def block_diagonal(blocks: Sequence[csr_matrix]) -> csr_matrix:
 
 def _matrices(basis: Basis, material) -> tuple[csr_matrix, csr_matrix]:
     """K and M (n, n) of a body."""
-    choice = next(choice for kind, choice in ELEMENTS.items() if isinstance(basis.mesh, kind))
-    element, order_K, order_M = choice
+    element, order_K, order_M = elements_of(basis.mesh)
     C = material.elasticity.transpose(1, 3, 0, 2).reshape(9, 9)
 
     def of(cells: NDArray[np.int64]) -> tuple[csr_matrix, csr_matrix]:

@@ -21,7 +21,13 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem import Basis
 
 from beadwave.fem.assembly.constraints import congruent
-from beadwave.fem.assembly.elasticity import ELEMENTS, Structure, along_each_axis, scattered, summed
+from beadwave.fem.assembly.elasticity import (
+    Structure,
+    along_each_axis,
+    elements_of,
+    scattered,
+    summed,
+)
 from beadwave.fem.assembly.materials import Material, Orthotropic
 from beadwave.fem.assembly.model import Model
 from beadwave.fem.assembly.rods import Rod, tightened
@@ -134,7 +140,7 @@ def buckling_share(K, K_G, factor, *, smallest: float = 1e-3) -> float:
 def thermal_load(basis: Basis, material, heat: Heat) -> NDArray[np.float64]:
     """int sigma_T : grad v of a body that may not expand, (n,) [N], sigma_T = C : alpha dT 1: the
     forces by which it would push on what holds it, x, y, z of node after node."""
-    element, order, _ = ELEMENTS[type(basis.mesh)]
+    element, order, _ = elements_of(basis.mesh)
     scalar = Basis(basis.mesh, element, intorder=order)
     stress = np.einsum("acbd,bd->ac", material.elasticity, np.eye(3))
     stress *= heat.expansion * heat.temperature
@@ -152,7 +158,7 @@ def geometric_stiffness(
     the stresses that u causes beyond free expansion."""
     basis = structure.basis[body]
     first = structure.first[body]
-    element, order, _ = ELEMENTS[type(basis.mesh)]
+    element, order, _ = elements_of(basis.mesh)
     u_body = u[first : first + basis.N].reshape(-1, 3)
     C = material.elasticity
     free = np.zeros((3, 3)) if heat is None else heat.expansion * heat.temperature * np.eye(3)

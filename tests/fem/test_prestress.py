@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from skfem import MeshHex, MeshTet
+from skfem import MeshHex, MeshTet, MeshTet2
 
 from beadwave import fem
+from beadwave.fem.assembly.prestress import geometric_stiffness
 from beadwave.fem.assembly.rods import tightened as tightening
 
 # held faces would keep what shrinks across from doing so, one element deep
@@ -169,3 +170,18 @@ def test_a_rod_without_a_length_is_refused():
     load = fem.Load(rods=[fem.Rod("bar:-y", "bar:+y", 1.0), fem.Rod("bar:+x", "bar:+x", 1.0)])
     with pytest.raises(ValueError, match="has no length"):
         fem.prestressed(model, {"bar": STEEL}, load)
+
+
+def test_curved_elements_without_a_curve_have_the_geometric_stiffness_of_straight_ones():
+    """As a mesh chosen by its error has them, of a stretch along x."""
+    straight = MeshTet.init_tensor(*3 * (np.linspace(0, 0.1, 3),))
+    stiffnesses = []
+    for mesh in (straight, MeshTet2.from_mesh(straight)):
+        structure = fem.assemble({"bar": mesh}, {"bar": STEEL})
+        u = np.zeros_like(structure.points)
+        u[:, 0] = 1e-3 * structure.points[:, 0]
+        K_G = geometric_stiffness(structure, "bar", u.ravel(), STEEL, None)
+        # energy of a turn about z under the stretch, which no numbering of nodes changes
+        turn = np.cross([0, 0, 1.0], structure.points).ravel()
+        stiffnesses.append(turn @ K_G @ turn)
+    assert stiffnesses[1] == pytest.approx(stiffnesses[0], rel=1e-9)
