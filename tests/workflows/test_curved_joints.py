@@ -140,12 +140,12 @@ def test_a_ball_on_a_plate_has_hertz_zone_and_stiffens_with_its_load(tmp_path, m
         pipeline = pipeline_of(resolved(scene, "ball.toml"), quiet)
         (row,), contact = pipeline("contact-numbers"), pipeline("model").contact
         a = np.cbrt(0.75 * force * R / E_STAR)
-        assert row.zone_area_m2 == pytest.approx(np.pi * a**2, rel=2 * row.zone_error)
+        assert row.zone_area_m2 == pytest.approx(np.pi * a**2, rel=row.zone_error)
         r2 = np.sum(contact.facets.points[:, :2] ** 2, axis=1)
         exact = 1.5 * force / (np.pi * a**2) * np.sqrt(np.maximum(1 - r2 / a**2, 0.0))
         area = contact.facets.area
         off = np.sqrt(area @ (contact.pressure - exact) ** 2 / (area @ exact**2))
-        assert off < 1.5 * row.pressure_error < 0.6
+        assert off < row.pressure_error < 0.3
         # the mode in which the ball moves up and down
         omega, phi = pipeline("modes").omega[:8], pipeline("modes").phi[:, :8]
         up = np.abs((pipeline("model").T @ phi)[2::3].mean(axis=0))
