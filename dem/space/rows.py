@@ -76,7 +76,11 @@ class RowRun(NamedTuple):
 def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     """Rows before they are struck; row i leans on point i of the structure, along its first
     direction, and rubs along the two others. Raises InvalidChain for chains of laws that are not
-    marched here, NoEquilibrium for a preload that nothing holds."""
+    marched here, NoEquilibrium for a preload that nothing holds.
+
+    Loads, weights and springs are given where they are none, too: each that is absent would be
+    compiled for anew, some ten seconds.
+    """
     parts = []
     for i, row in enumerate(rows):
         try:
@@ -117,9 +121,8 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
     packing = Packing(
         rest, joined["radius"], joined["mass"], np.column_stack([order, second]), inner.size, arm,
         joined["overlap"][order], joined["A"][order], np.zeros(n), guides=across.guides,
-        springs=across.springs, held=held if held.sphere.size else None, arms=across.arms,
-        added_inertia=across.added_inertia, load=load if load.any() else None,
-        weight=weight if weight.any() else None, **fields,
+        springs=across.springs, held=held, arms=across.arms, added_inertia=across.added_inertia,
+        load=load, weight=weight, **fields,
     )  # fmt: skip
     velocity = joined["velocity"][:, None] * direction + across.velocity
     return Rows(packing, velocity, of_row, direction, joined["start"], contact)
@@ -188,10 +191,11 @@ def _across(
     of_laws = tuple(np.array([getattr(law, name) for law in laws])
                     for name in TangentialLaw._fields[:3])  # fmt: skip
     springs = RubbingContacts(np.array(where), np.array(frames), of_laws)
-    turned = None
-    if arms:
-        sphere, stiffness = zip(*arms, strict=True)
-        turned = Arms(np.array(sphere), np.array(stiffness), np.zeros((len(arms), 3)))
+    turned = Arms(
+        np.array([sphere for sphere, _ in arms], np.int64),
+        np.array([stiffness for _, stiffness in arms], float),
+        np.zeros((len(arms), 3)),
+    )
     return _Across(guides, spheres, velocity, springs, turned, added)
 
 
