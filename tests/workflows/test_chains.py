@@ -353,6 +353,8 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"shakers": [{"name": "s", "on": "plate:-z", "frequency": 100, "force": 1}]},
          r"\[shakers\] is not of \[\[chains\]\]"),
         ({"friction": {"coefficient": 0.1, "upstream": "held"}}, "friction.upstream is of one"),
+        ({"chains": [TOP | {"count": 200_000}, TOP | {"name": "end", "count": 200_000,
+                                                       "at": [0.011, 0.0]}]}, "GB of memory"),
         ({"arm": {}}, r"chains.top: \[arm\] holds the last sphere against friction"),
         ({"chains": [TOP | {"friction": {"coefficient": 0.1}, "contact": {
             "law": "thornton", "yield_pressure": 1e9}}]}, 'top: .friction. with contact.law = "th'),

@@ -18,6 +18,7 @@ from beadwave.workflows.scene.tables.gravity import UPRIGHT
 # tables of one chain, or of what is not marched for several
 OTHERS = ("chain", "crystal", "wall", "guides", "shakers")
 MOST_CHAINS = 100  # each adds a column of the receptances and an oscillator
+MOST_COMPARED = 1000  # spheres of a chain that are compared with those of others
 
 
 def of_chains(scene: Scene) -> Iterator[str]:
@@ -132,6 +133,8 @@ def _overlapping(chains: tuple[ChainOnStructure, ...]) -> Iterator[str]:
     on the mesh."""
     heights = []
     for row in chains:
+        if row.count > MOST_COMPARED or np.size(row.radius) not in (1, row.count):
+            return
         radius = np.broadcast_to(np.asarray(row.radius, float), row.count)
         # of the centres above the face, from the last sphere to the first
         above = np.cumsum(radius[::-1]) + np.append(0.0, np.cumsum(radius[:0:-1]))
