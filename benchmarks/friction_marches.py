@@ -47,21 +47,20 @@ def compared(phi: np.ndarray, across: tuple[float, float], n: int) -> tuple[floa
     behind = space.Structure(OMEGA, ZETA, phi, np.zeros(3, np.int64), AXES, np.zeros((1, 2)))
     rows = space.rows_of([space.Row(chain, velocity, np.zeros(3), AXES[0], last=last)], behind)
 
-    seconds = []
+    seconds, runs = [], []
     for march in (
         lambda: march_space(chain, wall, velocity, last, **run),
         lambda: space.march_to_error(rows.packing, behind, rows.velocity, **run),
     ):
         march()  # compiles
         start = process_time()
-        found = march()
+        runs.append(march())
         seconds.append(process_time() - start)
-        if len(seconds) == 1:
-            one = found
-    (row,) = space.row_runs(rows, behind, found)
+    one, in_space = runs
+    (row,) = space.row_runs(rows, behind, in_space)
     differences = row.v - one.trajectory.v, row.across.sphere_t_v - one.lateral.sphere_t_v
     largest = max(float(np.abs(change).max()) for change in differences)
-    return *seconds, largest / SPEED, one.lateral.error_estimate, found.error_estimate
+    return *seconds, largest / SPEED, one.lateral.error_estimate, in_space.error_estimate
 
 
 def main() -> None:

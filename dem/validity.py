@@ -150,8 +150,8 @@ def outside(strain: Strain) -> tuple[str, ...]:
 
 
 def less(beyond: float, at_rest: float) -> str:
-    """What to reduce at a contact whose radius or pressure is `beyond` times its limit, of a force
-    of which this share is there at rest: both go with its cube root."""
+    """The remedy at a contact whose radius or pressure is `beyond` times its limit, of a force of
+    which this share is there at rest: both go with its cube root."""
     if at_rest < MOSTLY_AT_REST and beyond * at_rest ** (1 / 3) < 1:
         return "reduce the striker's velocity"
     share = f"{100 * at_rest:.0f} % of its force are there before the impact"

@@ -120,6 +120,20 @@ def half_ball(occ):
     occ.cut([(3, ball)], [(3, occ.addBox(-0.03, -0.03, 0.015, 0.06, 0.06, 0.03))])
 
 
+def ball_on_plate(force, scale):
+    """Half a ball that a force [N] presses on a block, meshed at this scale."""
+    return {
+        "name": "ball",
+        "assembly": {
+            "step": step("ball.step", half_ball), "held": ["body-1:-z"], "material": "steel",
+            "touching": "free",
+        },
+        "mesh": {"scale": scale},
+        "loads": [{"name": "push", "on": "body-2:+z", "force": force}],
+        "joints": [{"name": "seat", "between": "body-2|body-1", "model": "contact"}],
+    }  # fmt: skip
+
+
 @pytest.mark.slow
 def test_a_ball_on_a_plate_has_hertz_zone_and_stiffens_with_its_load(tmp_path, monkeypatch):
     """a^3 = 3 F R / (4 E*); its stiffness k = 2 E* a is that of the mode in which it bounces, so
@@ -127,17 +141,7 @@ def test_a_ball_on_a_plate_has_hertz_zone_and_stiffens_with_its_load(tmp_path, m
     monkeypatch.chdir(tmp_path)
     bounces = []
     for force in (100.0, 800.0):
-        scene = {
-            "name": "ball",
-            "assembly": {
-                "step": step("ball.step", half_ball), "held": ["body-1:-z"], "material": "steel",
-                "touching": "free",
-            },
-            "mesh": {"scale": 1.5},
-            "loads": [{"name": "push", "on": "body-2:+z", "force": force}],
-            "joints": [{"name": "seat", "between": "body-2|body-1", "model": "contact"}],
-        }  # fmt: skip
-        pipeline = pipeline_of(resolved(scene, "ball.toml"), quiet)
+        pipeline = pipeline_of(resolved(ball_on_plate(force, 1.5), "ball.toml"), quiet)
         (row,), contact = pipeline("contact-numbers"), pipeline("model").contact
         a = np.cbrt(0.75 * force * R / E_STAR)
         assert row.zone_area_m2 == pytest.approx(np.pi * a**2, rel=row.zone_error)
@@ -159,16 +163,7 @@ def test_a_ball_of_a_mesh_file_has_hertz_zone_and_rolls_beyond_an_amplitude(tmp_
     the ball, which loops about one place of contact follow up to some amplitude."""
     monkeypatch.chdir(tmp_path)
     force = 500.0
-    scene = {
-        "name": "ball",
-        "assembly": {
-            "step": step("ball.step", half_ball), "held": ["body-1:-z"], "material": "steel",
-            "touching": "free",
-        },
-        "mesh": {"scale": 1.8},
-        "loads": [{"name": "push", "on": "body-2:+z", "force": force}],
-        "joints": [{"name": "seat", "between": "body-2|body-1", "model": "contact"}],
-    }  # fmt: skip
+    scene = ball_on_plate(force, 1.8)
     (mesh,) = through(scene, "mesh")
     drawn = [mesh.meshes[name] for name in ("body-1", "body-2")]
     n = drawn[0].p.shape[1]

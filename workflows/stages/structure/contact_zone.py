@@ -99,7 +99,7 @@ def contacts_text(rows: Sequence[ContactRow]) -> str:
 
 
 def preload_sentences(rows: Sequence[ContactRow]) -> list[str]:
-    """What a change of the preload does to zones and frequencies."""
+    """Sentences on the joints whose zones and frequencies follow the preload, and on the others."""
     following = [row.joint for row in rows if row.follows_preload]
     others = [row.joint for row in rows if not row.follows_preload]
     sentences = []
