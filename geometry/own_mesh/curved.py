@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 if TYPE_CHECKING:  # see `lined`
     from skfem import Mesh
@@ -133,6 +132,8 @@ def _holding(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.int64]:
     scikit-fem's own finder asks all cells at once where one of the nearest does not hold every
     point, 24 GB of 90 000 points in 11 000 cells.
     """
+    from scipy.spatial import cKDTree  # a kept run, which needs none, would wait for it
+
     # barycentric coordinates are linear: of a point the cell has it whose least one is largest
     of_corners = np.vstack([np.ones((1, 4, mesh.nelements)), mesh.p[:, mesh.t]])
     inverse = np.linalg.inv(of_corners.transpose(2, 0, 1))
