@@ -5,9 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 import beadwave
 from beadwave import geometry
+from beadwave.geometry.meshing.size_field import STEP
 from beadwave.geometry.own_mesh.curved import is_curved
 from beadwave.geometry.quality import volume_of
 from beadwave.workflows.files.scene import scene
@@ -228,6 +230,51 @@ def test_the_next_mesh_has_the_unknowns_that_are_foreseen(screwed):
     if screwed:
         left, right = (following.nodes[side] / mesh.nodes[side] for side in ("left", "right"))
         assert left == pytest.approx(right, rel=0.1)
+
+
+def held_beam(held, element):
+    return scene(
+        {
+            "name": "beam",
+            "bodies": {"beam": {"box": [0.1, 0.03, 0.02]}},
+            "assembly": {"held": held, "material": "steel"},
+            "materials": {"steel": {"young": 210e9, "poisson": 0.3, "density": 7850.0}},
+            "mesh": {"element": element, "modes": 4, "error": 0.01},
+        }
+    )
+
+
+def test_a_mirrored_beam_has_mirrored_elements_and_one_held_at_both_ends_is_symmetric():
+    lines, searches = [], []
+    for held in (["beam:-x"], ["beam:+x"], ["beam:-x", "beam:+x"]):
+        found = adapted_sizes.search(held_beam(held, "hex"))
+        mesh = found.solved["mesh"].meshes["beam"]
+        lines.append(np.unique(mesh.p[0].round(8)))
+        searches.append([(m.unknowns, m.stated) for m in found.adapted.meshes])
+    left, right, both = lines
+    assert left == pytest.approx(-right[::-1], abs=1e-7)
+    assert both == pytest.approx(-both[::-1], abs=1e-7)
+    assert np.diff(left)[-1] > 2 * np.diff(left)[0]
+    assert np.array(searches[0]) == pytest.approx(np.array(searches[1]), rel=1e-4)
+
+
+def test_sizes_of_tetrahedra_are_mirrored_as_far_as_the_mesher_is():
+    """It has no symmetry: its first meshes differ by 2 % in the stated error, and the next sizes at
+    a place and its mirror image by a step or two of a fourth root of two."""
+    found = {}
+    for end in ("-x", "+x"):
+        beam = held_beam([f"beam:{end}"], "tet")
+        mesh = bodies.parts(beam, ElementSizes(usual=adapted_sizes.START, curved=True, fine=False))
+        indicators = adapted_sizes.indicators(beam, adapted_sizes.solved_on(beam, mesh))
+        fields, _, _ = adapted_sizes.next_sizes(mesh, indicators, 5.0)
+        found[end] = indicators.stated, fields["beam"]
+    (stated, left), (of_mirrored, right) = found.values()
+    assert stated == pytest.approx(of_mirrored, rel=0.05)
+    nearest = KDTree(right.points * [-1, 1, 1]).query(left.points)[1]
+    ratio = np.log(left.sizes[:, 0] / right.sizes[nearest, 0]) / np.log(STEP)
+    assert abs(np.mean(ratio)) < 0.5
+    assert np.mean(np.abs(ratio) < 2.5) > 0.9
+    assert np.ptp(np.log(left.sizes) / np.log(STEP)) > 4
 
 
 def screwed_lid():
