@@ -15,6 +15,7 @@ from beadwave.fem.contact.modal_backbone import (
     loaded_to,
     loops,
     modal_backbone,
+    moved_on,
 )
 
 
@@ -148,6 +149,28 @@ def test_the_backbone_goes_from_sticking_to_whole_slip():
     # one facet slips as a whole at once: at the last load
     assert backbone.displacement[-1] == pytest.approx(2.0 * 6.0 / 1.2e6)
     assert not backbone.slips_whole
+
+
+def test_openings_summed_up_over_loops_are_those_of_the_forces():
+    """W s of a state comes of the changes of s alone, in what moves on from loop to loop too."""
+    loaded = pressed_bar(30)
+    for loop in loops(loaded, [30.0, 60.0, 90.0]):
+        by_s = loaded.interface.W @ loop.end.s
+        np.testing.assert_allclose(loop.end.by_s, by_s, atol=1e-11 * np.abs(by_s).max())
+
+
+@pytest.mark.parametrize(("moved", "stays"), [(1.0, True), (-1e4, False)])
+def test_a_slip_moved_on_stays_below_the_limit_of_friction_alone(moved, stays):
+    """Slip of one facet, times the stiffness of its layer, in a bar pulled and let go; beyond the
+    limit its shear is brought back to friction times pressure."""
+    loaded = pressed_bar(30)
+    interface = loaded.interface
+    none = SlipState(0.0, np.zeros(90), np.zeros(30, bool))
+    end = loaded_to(loaded, loaded_to(loaded, none, 80.0, 4), 0.0, 4)
+    after = moved_on(loaded, end._replace(s=end.s - moved * np.eye(90)[50]), end, 1.0)
+    shear = (after.s - interface.layers * (interface.W @ after.s))[30:60]
+    assert np.abs(shear).max() < (1 + 1e-6) * FRICTION / 30
+    assert (abs(after.s[50] - end.s[50] - moved) < 1e-9 * abs(moved)) == stays
 
 
 def test_a_load_that_faces_cannot_carry_ends():
