@@ -24,7 +24,6 @@ from beadwave.coupling.spatial_march import (
     Before,
     MarchState,
     PreparedImpact,
-    ShakerForces,
     SpatialRun,
     SpatialSearch,
     across_alone,
@@ -35,7 +34,8 @@ from beadwave.coupling.spatial_wall import SpatialWall
 from beadwave.dem import Chain, Trajectory, Wall
 from beadwave.dem.checks import require
 from beadwave.dem.kernels.arguments import Array
-from beadwave.dem.lateral import LastSphere, LateralTrajectory, at_rest_across, common_period
+from beadwave.dem.lateral import LastSphere, LateralTrajectory, at_rest_across
+from beadwave.dem.shakers import ShakerForces, common_period
 
 CAPACITY = 1024  # nodes of the contact at an error of 1e-5, as its inverse root from a quarter on
 # of the leaf spring that presses a sphere as the chain before it does, not varied

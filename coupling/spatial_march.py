@@ -27,7 +27,6 @@ from beadwave.dem.kernels.arguments import Array, Steps
 from beadwave.dem.kernels.oscillators import oscillator_propagator
 from beadwave.dem.kernels.spatial import (
     FrictionalContact,
-    ModalShakerForces,
     SavedSpatial,
     SpatialArrays,
     SpatialMotion,
@@ -40,25 +39,12 @@ from beadwave.dem.lateral import (
     LastSphere,
     LateralTrajectory,
     checked_last_sphere,
-    common_period,
     require_hertz,
 )
 from beadwave.dem.prepared import PreparedChain, prepare
 from beadwave.dem.richardson import richardson
+from beadwave.dem.shakers import Oscillators, ShakerForces, modal_shaker_forces
 from beadwave.dem.stability import fastest_rate
-
-
-class ShakerForces(NamedTuple):
-    """Shakers push by force cos(2 pi frequency t + phase), (s,) each; t = 0 at the striker."""
-
-    force: Array  # [N]
-    frequency: Array  # [Hz]
-    phase: Array  # [rad]
-
-    @property
-    def period(self) -> float:
-        """[s] Shortest common period; raises InvalidChain without one, see `common_period`."""
-        return common_period(self.frequency)
 
 
 class SpatialSearch(NamedTuple):
@@ -179,9 +165,10 @@ class PreparedImpact(NamedTuple):
         sphere = self.last.on_arm(
             float(chain.mass[-1]), float(chain.radius[-1]), self.arm_stiffness(), h
         )
+        modes = Oscillators(wall.omega, wall.zeta, wall.load, Q @ wall.load_residual)
         trials = Trials(*np.zeros((5, d)), *np.zeros((2, d, d)), *np.zeros((6, d)))
         return SpatialSystem(
-            arrays, sphere, self.last.law, shaking(wall, self.shakers, Q, h), trials,
+            arrays, sphere, self.last.law, modal_shaker_forces(modes, self.shakers, h), trials,
             self.last.before,
         )  # fmt: skip
 
@@ -246,66 +233,6 @@ class MarchState(NamedTuple):
         """A copy in arrays of its own."""
         motion = SpatialMotion(*(values.copy() for values in self.motion))
         return MarchState(motion, self.contacts.copied())
-
-
-def shaking(
-    wall: SpatialWall, shakers: ShakerForces | None, to_frame: Array, h: float
-) -> ModalShakerForces:
-    """Effect of shakers on the modes over a step of h [s], exact: integrals of the modes' response
-    to an impulse, by Gauss' rule with as many points as the fastest of them asks for; to_frame (1 +
-    n_directions, 3). Shakers of one frequency are one force, B e^(i omega t) with complex B (k,) on
-    the modes and L (1 + n_directions,) on the contact's residual motion."""
-    k, d = wall.omega.size, len(to_frame)
-    frequency = np.zeros(0) if shakers is None else np.asarray(shakers.frequency, float)
-
-    # shakers of one frequency in one; points for the phase that modes and shakers pass in a step
-    omega, where = np.unique(2.0 * np.pi * frequency, return_inverse=True)
-    m = omega.size
-    B, L = np.zeros((m, k), complex), np.zeros((m, d), complex)
-    for j, g in enumerate(where):
-        amplitude = shakers.force[j] * np.exp(1j * shakers.phase[j])
-        B[g] += amplitude * wall.load[:, j]
-        L[g] += amplitude * (to_frame @ wall.load_residual[:, j])
-    fastest = h * float((wall.omega * np.maximum(wall.zeta, 1.0)).max(initial=0.0))
-    fastest += h * float(omega.max(initial=0.0))
-    nodes, weights = np.polynomial.legendre.leggauss(16 + math.ceil(fastest))
-    nodes, weights = 0.5 * (1.0 + nodes), 0.5 * weights
-
-    def response(t: float) -> tuple[Array, Array]:
-        """(m, k) complex q and p after t under B e^(i omega t) from rest at 0."""
-        q, p = np.zeros((m, k), complex), np.zeros((m, k), complex)
-        for node, weight in zip(nodes, weights, strict=True):
-            after = oscillator_propagator(wall.omega, wall.zeta, t * (1.0 - node))
-            push = weight * t * np.exp(1j * omega * node * t)[:, None] * B
-            q += push * after[1]
-            p += push * after[3]
-        return q, p
-
-    # the work in a step, the integral of f p: over q and p at the start as the modes swing freely,
-    # and over what the shakers have moved since, products of e^(i w t) at sums and differences
-    pushed = bool(B.any())  # of a wall that is moved along itself no mode is
-    q, p = response(h) if pushed else (B, B)
-    over_q, over_p = np.zeros((m, k), complex), np.zeros((m, k), complex)
-    at_sum, at_difference = np.zeros((m, m), complex), np.zeros((m, m), complex)
-    for node, weight in zip(nodes, weights, strict=True) if pushed else ():
-        t = node * h
-        after = oscillator_propagator(wall.omega, wall.zeta, t)
-        push = weight * h * np.exp(1j * omega * t)[:, None] * B
-        over_q += push * after[2]
-        over_p += push * after[3]
-        speed = response(t)[1]
-        at_sum += 0.5 * push @ speed.T
-        at_difference += 0.5 * push @ speed.conj().T
-
-    def parts(*values: Array) -> Array:
-        """Real and imaginary parts of arrays (m, ...) side by side, (m, 2 n, ...)."""
-        return np.stack([part for z in values for part in (z.real, z.imag)], axis=1)
-
-    mutual = np.stack([at_sum.real, at_sum.imag, at_difference.real, at_difference.imag], axis=2)
-    return ModalShakerForces(
-        omega=omega, response=parts(q, p), work=parts(over_q, over_p),
-        mutual_work=np.ascontiguousarray(mutual), residual=parts(L), forced=np.zeros((2, k)),
-    )  # fmt: skip
 
 
 def body_of(

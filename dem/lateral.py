@@ -4,10 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from beadwave.dem.chain import Chain
-from beadwave.dem.checks import InvalidChain, positive, require, scalar, vector
+from beadwave.dem.checks import positive, require, scalar, vector
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.lateral import Sphere
 from beadwave.dem.kernels.oscillators import oscillator_propagator
@@ -47,22 +46,6 @@ class LastSphere(NamedTuple):
             swing=oscillator_propagator(np.sqrt(k * inverse_mass), np.zeros(k.size), h),
             turn=oscillator_propagator(np.sqrt([kappa * inverse_inertia]), np.zeros(1), h),
         )
-
-
-def common_period(frequency: ArrayLike, most_cycles: int = 100) -> float:
-    """Shortest common period [s] of frequencies (n,) [Hz]: k cycles of the slowest, the least k for
-    which the cycles of all others in that time are whole numbers to 1e-9 k. Raises InvalidChain
-    where no k up to `most_cycles` is one."""
-    frequency = np.asarray(frequency, float)
-    slowest = float(frequency.min())
-    for cycles in range(1, most_cycles + 1):
-        numbers = cycles * frequency / slowest
-        if np.abs(numbers - np.round(numbers)).max() < 1e-9 * cycles:
-            return cycles / slowest
-    raise InvalidChain(
-        f"frequencies {', '.join(f'{f:g}' for f in frequency)} Hz have no common period "
-        f"within {most_cycles} cycles; take others"
-    )
 
 
 class LateralTrajectory(NamedTuple):

@@ -24,10 +24,11 @@ import numpy as np
 from beadwave import dem
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.periodic_state import periodic_state
-from beadwave.coupling.spatial_march import Before, PreparedImpact, ShakerForces, body_of
+from beadwave.coupling.spatial_march import Before, PreparedImpact, body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem.friction import tangential_law
 from beadwave.dem.lateral import LastSphere
+from beadwave.dem.shakers import ShakerForces
 
 R, RHO, E, NU = 0.0127, 7800.0, 210e9, 0.3  # steel spheres
 

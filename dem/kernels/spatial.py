@@ -27,6 +27,7 @@ from beadwave.dem.kernels.compiled import fastmath, ieee, ieee_entry, ieee_march
 from beadwave.dem.kernels.lateral import Sphere, contact_state, press
 from beadwave.dem.kernels.laws import damping_impulse, hertz_force
 from beadwave.dem.kernels.numbers import larger
+from beadwave.dem.kernels.shaking import ModalShakerForces, shake
 from beadwave.dem.kernels.tangential import (
     SpringCells,
     SpringRow,
@@ -82,21 +83,6 @@ class SpatialArrays(NamedTuple):
     propagator: Array  # (4, k) of the modes
     residual: Array  # (1 + n_directions, 1 + n_directions) S [m/N]
     soft: bool  # whether S is anything
-
-
-class ModalShakerForces(NamedTuple):
-    """m harmonic forces on the modes, as real and imaginary parts of e^(i omega t) amplitudes."""
-
-    omega: Array  # (m,) [rad/s]
-    # (m, 4, k) what a step adds to q and p: Re, Im of q, Re, Im of p
-    response: Array
-    # (m, 4, k) work in a step over q and p at its start: Re, Im of q's, Re, Im of p's
-    work: Array
-    # (m, m, 4) work on what the forces themselves move: Re, Im at the sum of both phases, and at
-    # their difference
-    mutual_work: Array
-    residual: Array  # (m, 2, 1 + n_directions) L [m]: Re, Im
-    forced: Array  # (2, k) room
 
 
 class FrictionalContact(NamedTuple):
@@ -178,29 +164,6 @@ def push(i: int, impulse: float, motion: SpatialMotion, square: Array) -> None:
     for j in range(velocity.size):
         velocity[j] += square[i, j] * impulse
     motion.pending[i] += impulse
-
-
-@fastmath
-def shake(t: float, q: Array, p: Array, shaking: ModalShakerForces) -> float:
-    """Write into `forced` what the shakers add to q and p (k,) in the step from t [s] on; returns
-    their work [J] in it, exact: over q and p at its start, and over what the shakers themselves
-    move."""
-    forced, work = shaking.forced, 0.0
-    for j in range(q.size):
-        forced[0, j], forced[1, j] = 0.0, 0.0
-    for g in range(shaking.omega.size):
-        angle = shaking.omega[g] * t
-        c, s = math.cos(angle), math.sin(angle)
-        r, w = shaking.response[g], shaking.work[g]
-        for j in range(q.size):
-            forced[0, j] += r[0, j] * c - r[1, j] * s
-            forced[1, j] += r[2, j] * c - r[3, j] * s
-            work += (w[0, j] * c - w[1, j] * s) * q[j] + (w[2, j] * c - w[3, j] * s) * p[j]
-        for other in range(shaking.omega.size):
-            w12, angle2 = shaking.mutual_work[g, other], shaking.omega[other] * t
-            work += w12[0] * math.cos(angle + angle2) - w12[1] * math.sin(angle + angle2)
-            work += w12[2] * math.cos(angle - angle2) - w12[3] * math.sin(angle - angle2)
-    return work
 
 
 @fastmath
@@ -624,7 +587,7 @@ def march_spatial(
                 s = psi[j]
                 psi[j] = turn[0, 0] * s + turn[1, 0] * spin[j]
                 spin[j] = turn[2, 0] * s + turn[3, 0] * spin[j]
-            ledger[SHAKEN] += shake(now, q, p, shaking)
+            ledger[SHAKEN] += shake(0, now, q, p, shaking)
             drift_wall(motion, arrays, shaking.forced)
 
             # new forces; L f under them is work f d(L^T F) of the shakers

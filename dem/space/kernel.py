@@ -68,6 +68,7 @@ from beadwave.dem.kernels.laws import (
     stored_energy,
 )
 from beadwave.dem.kernels.numbers import larger
+from beadwave.dem.kernels.shaking import ModalShakerForces, shake
 from beadwave.dem.kernels.tangential import (
     HEAT,
     STICK,
@@ -83,7 +84,7 @@ Numbers = NDArray[np.int64]
 
 # columns of the saved energies, in the order of `SpaceTrajectory`
 (KINETIC, ROTATION, CONTACT, WALL_CONTACT, TANGENTIAL, LEAF, WALL, RESIDUAL, IN_CONTACTS,
- IN_FRICTION, IN_WALL, OF_LOAD, OF_WEIGHT, OF_DRIVE, TOTAL) = range(15)  # fmt: skip
+ IN_FRICTION, IN_WALL, OF_LOAD, OF_WEIGHT, OF_DRIVE, OF_SHAKERS, TOTAL) = range(16)  # fmt: skip
 ITERATIONS = 60  # for the way of springs behind a compliance; some five are usual
 ROUNDING = 1e-12  # of that way, to which it is found
 # [m] of an approach that counts as none where a contact rubs: a wave announces itself by 1e-320 m,
@@ -200,7 +201,9 @@ class StructureModes(NamedTuple):
     force: Array  # (r,) [N] room
     v: Array  # (r,) [m/s] phi p
     kicked: Array  # (2, r) room of a kick with dampers: impulses over its time, velocities inside
-    work: Array  # (1,) [J] on the modes so far
+    work: Array  # (1,) [J] of the contacts on the modes so far
+    shaking: ModalShakerForces  # what moves the modes in each drift
+    shaken: Array  # (1,) [J] work of that so far
 
 
 class Drive(NamedTuple):
@@ -248,7 +251,7 @@ class SpaceSaved(NamedTuple):
     traction: Array  # (k, n_contacts, 3) [N] on the second sphere; (k, 0, 3) without friction
     wall: Array  # (k, 3, r) displacement [m], velocity [m/s], force [N] of the structure's points
     modes: Array  # (k, m) q of the structure's modes, what they have at rest included
-    energy: Array  # (k, 15) [J]
+    energy: Array  # (k, 16) [J]
 
 
 @ieee_march
@@ -291,7 +294,7 @@ def march(
                     drift_spheres(low, high, drift, motion)
                     turn_arms(low, high, drift, motion, parts.arms)
                     if crew.worker == 0:
-                        drift_structure(i, motion, parts.modes)
+                        drift_structure(i, now, motion, parts.modes)
                     drifted += drift
                     now += drift
                     drive_on(now, motion, parts.drive, crew)
@@ -917,18 +920,21 @@ def push_structure(
 
 
 @fastmath
-def drift_structure(k: int, motion: SpaceMotion, modes: StructureModes | None) -> None:
-    """Exact free motion of the structure by the k-th drift; its points' displacements and
-    velocities are summed anew from the modes, so that rounding does not pile up."""
+def drift_structure(k: int, now: float, motion: SpaceMotion, modes: StructureModes | None) -> None:
+    """Exact motion of the structure under its shakers by the k-th drift, from `now` [s] on; its
+    points' displacements and velocities are summed anew from the modes, so that rounding does not
+    pile up."""
     if modes is None:
         return
     q, p, phi, u = modes.q, modes.p, modes.phi, modes.force
     qq, qp = modes.propagator[k, 0], modes.propagator[k, 1]
     pq, pp = modes.propagator[k, 2], modes.propagator[k, 3]
+    modes.shaken[0] += shake(k, now, q, p, modes.shaking)
+    forced = modes.shaking.forced
     for j in range(q.size):
         before, speed = q[j], p[j]
-        q[j] = qq[j] * before + qp[j] * speed
-        p[j] = pq[j] * before + pp[j] * speed
+        q[j] = qq[j] * before + qp[j] * speed + forced[0, j]
+        p[j] = pq[j] * before + pp[j] * speed + forced[1, j]
     for r in range(u.size):
         moved, speed = 0.0, 0.0
         for j in range(q.size):
@@ -1134,7 +1140,8 @@ def save(k: int, motion: SpaceMotion, arrays: SpaceArrays, parts: Parts, saved: 
     total = 0.0
     for e in range(OF_LOAD):
         total += energy[e]
-    energy[TOTAL] = total - energy[OF_LOAD] - energy[OF_WEIGHT] - energy[OF_DRIVE]
+    works = energy[OF_LOAD] + energy[OF_WEIGHT] + energy[OF_DRIVE] + energy[OF_SHAKERS]
+    energy[TOTAL] = total - works
     return abs(energy[TOTAL]) <= 1e300  # not so of inf or NaN
 
 
@@ -1164,7 +1171,8 @@ def save_structure(
         swing += kinetic + stiffness * q[j] * q[j]
         saved.energy[k, WALL] += kinetic + stiffness * (q[j] + static[j]) ** 2
         saved.modes[k, j] = q[j] + static[j]
-    saved.energy[k, IN_WALL] = modes.work[0] - swing
+    saved.energy[k, IN_WALL] = modes.work[0] + modes.shaken[0] - swing
+    saved.energy[k, OF_SHAKERS] = modes.shaken[0]
     for r in range(modes.v.size):
         moved = 0.0
         for j in range(q.size):

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from beadwave.dem.checks import InvalidChain, positive, require, vector, whole
-from beadwave.dem.friction import open_cells
+from beadwave.dem.friction import open_cells, redivided
 from beadwave.dem.kernels.arguments import Array, Damping, Plastic, Steps
 from beadwave.dem.kernels.compiled import CompiledFunction
 from beadwave.dem.kernels.crew import Crew
 from beadwave.dem.kernels.laws import DAMPING_LAWS
+from beadwave.dem.kernels.tangential import HEAT, SpringCells
 from beadwave.dem.richardson import richardson
 from beadwave.dem.schemes import SCHEMES, Scheme
 from beadwave.dem.space import kernel
@@ -71,6 +72,17 @@ LEDGER, LEDGER_OF_SPRINGS = 1e-2, 0.2
 OF_CELLS, MOST_CELLS = 0.5, 8192
 
 
+class SpaceState(NamedTuple):
+    """What a march leaves behind, and another one may begin with, by any step."""
+
+    motion: SpaceMotion
+    springs: ContactSprings | None
+    turns: Array | None  # (m, 3) [rad] of the arms
+    plastic: Plastic | None
+    q: Array | None  # (k,) [kg^1/2 m] of the structure's modes, from rest
+    p: Array | None  # (k,)
+
+
 class SpaceErrors(NamedTuple):
     """Errors by the time step, largest over all saves, of each saved sphere and contact."""
 
@@ -117,6 +129,7 @@ class SpaceTrajectory(NamedTuple):
     work_preload: Array  # (k,) [J] of the load without the weights
     work_gravity: Array  # (k,) [J]
     work_drive: Array  # (k,) [J] of what drives spheres
+    work_shakers: Array  # (k,) [J] of the structure's shakers
     energy_total: Array  # (k,) [J] constant if exact
     dt: float  # [s]
     n_steps: int
@@ -144,14 +157,16 @@ def march(
     n_save: int = 1000,
     saved: ArrayLike | None = None,
     scheme: str | None = None,
+    begin: SpaceState | None = None,
 ) -> SpaceTrajectory:
     """Trajectory from the places at rest with velocities v0 (s, 3) [m/s], or with spins behind them
     (s, 6) [rad/s], at n_save + 1 equal times from 0 to `duration` [s], by the longest steps that
     divide their spacing and are not above dt [s].
 
     `saved` are the spheres that are kept (all without it), from 0. The planes that move do so with
-    the modes of `wall`, a structure or a wall of one point. Raises InvalidChain, and UnstableStep
-    where a state is not finite.
+    the modes of `wall`, a structure or a wall of one point. In place of rest all may `begin` with a
+    state of an earlier march, to whose velocities v0 are added. Raises InvalidChain, and
+    UnstableStep where a state is not finite.
     """
     v0, spin = np.hsplit(np.asarray(v0, float), [3]) if np.ndim(v0) == 2 else (v0, None)
     v0, structure = validate(packing, v0), structure_behind(packing, wall)
@@ -173,22 +188,12 @@ def march(
     stride = max(1, int(np.ceil(duration / (n_save * dt) * (1 - 1e-9))))
     steps = Steps(duration / (n_save * stride), n_save, stride)
 
-    motion, driving = start(packing, v0, structure), None
-    if packing.driven is not None:
-        driving = packing.driven._replace(work=np.zeros(1))
-        kernel.place_driven.py_func(0.0, motion, driving)
+    motion, parts = prepared(packing, structure, v0, steps.h * method.a)
     if spin is not None and spin.size:
         motion.spin[:] = vector("spin", spin.ravel(), v0.size).reshape(-1, 3)
+    if begin is not None:
+        resume(begin, motion, parts)
     out = room(packing, spheres, n_save + 1, structure)
-    modes = None
-    if structure is not None:
-        modes = modes_in_march(packing, structure, steps.h * method.a)
-    parts = kernel.Parts(
-        None, plastic(packing), dampers(packing), friction(packing, structure),
-        springs(packing, structure), 1.0 / packing.inertia if packing.spins else None,
-        packing.guides, loaded(packing), packing.weight, packing.held, arms(packing), modes,
-        driving,
-    )  # fmt: skip
     in_march = arrays(packing, structure)
     task = motion, in_march, parts, (method.a, method.b), steps, out
     count = marched_by(n_workers(packing), kernel.march, task)
@@ -200,6 +205,64 @@ def march(
     return trajectory(packing, out, steps, duration, method)
 
 
+def prepared(
+    packing: Packing, structure: Structure | None, v0: Array, spans: Array
+) -> tuple[SpaceMotion, kernel.Parts]:
+    """State at rest with velocities v0 (s, 3) [m/s] and the packing's parts, for drifts over
+    `spans` (n,) [s]."""
+    motion, driving, modes = start(packing, v0, structure), None, None
+    if packing.driven is not None:
+        driving = packing.driven._replace(work=np.zeros(1))
+        kernel.place_driven.py_func(0.0, motion, driving)
+    if structure is not None:
+        modes = modes_in_march(packing, structure, spans)
+    parts = kernel.Parts(
+        None, plastic(packing), dampers(packing), friction(packing, structure),
+        springs(packing, structure), 1.0 / packing.inertia if packing.spins else None,
+        packing.guides, loaded(packing), packing.weight, packing.held, arms(packing), modes,
+        driving,
+    )  # fmt: skip
+    return motion, parts
+
+
+def state_of(motion: SpaceMotion, parts: kernel.Parts) -> SpaceState:
+    """The state of a march, not copied."""
+    modes = parts.modes
+    q, p = (None, None) if modes is None else (modes.q, modes.p)
+    turns = None if parts.arms is None else parts.arms.angle
+    return SpaceState(motion, parts.springs, turns, parts.plastic, q, p)
+
+
+def resume(state: SpaceState, motion: SpaceMotion, parts: kernel.Parts) -> None:
+    """Bring a march to a state, whose velocities are added to those it has; losses and works count
+    from here on."""
+    v, spin = motion.v.copy(), motion.spin.copy()
+    for to, values in zip(motion, state.motion, strict=True):
+        to[:] = values
+    motion.v[:] += v
+    motion.spin[:] += spin
+    motion.lost[:] = motion.heat[:] = 0.0
+    if state.springs is not None:
+        for name in ("slip", "rate", "pressed"):
+            getattr(parts.springs, name)[:] = getattr(state.springs, name)
+        for m, (u, of_cells) in enumerate(zip(state.springs.u, state.springs.state, strict=True)):
+            cells = redivided(SpringCells(u, of_cells), parts.springs.u.shape[1] - 1)
+            parts.springs.u[m], parts.springs.state[m] = cells
+        parts.springs.state[:, HEAT] = 0.0
+    if state.turns is not None:
+        parts.arms.angle[:] = state.turns
+    if state.plastic is not None:
+        for to, values in zip(parts.plastic, state.plastic, strict=True):
+            to[:] = values
+    if state.q is not None:
+        modes = parts.modes
+        modes.q[:], modes.p[:] = state.q, state.p
+        modes.v[:] = modes.phi @ modes.p
+        kernel.along_directions.py_func(modes.v, motion.point_v, modes)
+        # their energy came in before
+        modes.work[0] = 0.5 * np.sum(modes.p**2 + (modes.omega * modes.q) ** 2)
+
+
 def march_to_error(
     packing: Packing,
     wall: Wall | Structure | None,
@@ -209,8 +272,11 @@ def march_to_error(
     error: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
+    begin: SpaceState | None = None,
+    speed: float = 0.0,
 ) -> SpaceTrajectory:
-    """`march` whose velocities are off by less than `error` times the largest initial speed, and
+    """`march` whose velocities are off by less than `error` times the largest initial speed,
+    or `speed` [m/s] if that is more, and
     whose ledger closes to a hundredth of it, with exact springs of friction to a fifth; `errors`
     has those of each sphere and contact.
 
@@ -220,9 +286,9 @@ def march_to_error(
     v = validate(packing, v0[:, :3] if v0.ndim == 2 else v0)
     positive("error", error)
     positive("duration", duration, " s")
-    speed = max(float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
+    speed = max(speed, float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
     order = event_order(packing)
-    run = {"duration": duration, "n_save": n_save, "saved": saved}
+    run = {"duration": duration, "n_save": n_save, "saved": saved, "begin": begin}
     step, coarse, spent = first_step(packing, v, duration), None, 0.0
     of_cells, unstable = None, 0  # SpaceErrors of the cells; marches that were not finite
     ledger = LEDGER if packing.springs is None else LEDGER_OF_SPRINGS
@@ -508,7 +574,7 @@ def room(packing: Packing, spheres: Numbers, k: int, structure: Structure | None
     return SpaceSaved(
         spheres, contacts, np.zeros((k, s, 3)), np.zeros((k, s, 3)), np.zeros((k, spinning, 3)),
         np.zeros((k, m, 2)), *np.zeros((2, k, m)), np.zeros((k, c)), np.zeros((k, rubbing, 3)),
-        np.zeros((k, 3, rows)), np.zeros((k, modes)), np.zeros((k, 15)),
+        np.zeros((k, 3, rows)), np.zeros((k, modes)), np.zeros((k, 16)),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from beadwave.dem.kernels.tangential import TangentialLaw
 from beadwave.dem.lateral import LastSphere, checked_last_sphere, require_hertz
 from beadwave.dem.prepared import prepare
 from beadwave.dem.space.kernel import Arms, Guides, HoldingSprings, Numbers
-from beadwave.dem.space.march import SpaceTrajectory
+from beadwave.dem.space.march import SpaceState, SpaceTrajectory
 from beadwave.dem.space.packing import MOVING, NO_YIELD, Packing, RubbingContacts, line_guides
 from beadwave.dem.space.structure import Structure, residual_matrices
 from beadwave.dem.statics import NoEquilibrium
@@ -45,6 +45,51 @@ class Rows(NamedTuple):
     direction: Array  # (s, 3) unit vectors
     start: Array  # (s,) [m] along it, from where a sphere touches the next at rest
     contact: Numbers  # (s,) the contact behind each sphere, at the structure of the last of a row
+    names: tuple[str, ...]  # of the rows
+
+
+def before_striker(rows: Rows, upstream_held: Sequence[bool]) -> Packing:
+    """The rows before their strikers come, which stand still, their contacts left out; the others
+    of a row rest too but for the last where that is `upstream_held`.
+
+    Raises InvalidChain for a sphere that nothing holds while the structure moves.
+    """
+    packing, s = rows.packing, len(rows.row)
+    held, overlap = np.zeros(s, bool), packing.overlap.copy()
+    firsts = strikers(rows)
+    held[firsts], overlap[rows.contact[firsts]] = True, -1.0
+    for i, still in enumerate(upstream_held):
+        held[np.flatnonzero(rows.row == i)[:-1]] |= still
+    pressed = packing.overlap[rows.contact] > 0.0
+    sprung = np.isin(np.arange(s), packing.held.sphere)
+    loose = ~held & ~sprung & ~pressed
+    behind = np.flatnonzero((rows.row[1:] == rows.row[:-1]) & pressed[:-1]) + 1
+    loose[behind] = False
+    if loose.any():
+        i = int(loose.argmax())
+        number, name = int(np.sum(rows.row[:i] == rows.row[i])) + 1, rows.names[rows.row[i]]
+        raise InvalidChain(
+            f"sphere {number} of {name} is held by nothing while the shakers move the structure; "
+            'add leaf springs or a preload, or set its friction.upstream to "held"'
+        )
+    free = (~held)[:, None, None]
+    guides = Guides(packing.guides.motion * free, packing.guides.turn * free)
+    return packing._replace(guides=guides, overlap=overlap)
+
+
+def strikers(rows: Rows) -> Numbers:
+    """The first spheres that move towards their row while nothing presses them."""
+    _, firsts = np.unique(rows.row, return_index=True)
+    towards = np.einsum("sx,sx->s", rows.velocity, rows.direction)[firsts] > 0.0
+    return firsts[towards & (rows.packing.overlap[rows.contact[firsts]] <= 0.0)]
+
+
+def struck(rows: Rows, state: SpaceState) -> SpaceState:
+    """The state with strikers on the places of the spheres that they will touch, along the rows."""
+    u = state.motion.u.copy()
+    for first in strikers(rows):
+        u[first] = (u[first + 1] @ rows.direction[first]) * rows.direction[first]
+    return state._replace(motion=state.motion._replace(u=u))
 
 
 class AcrossRun(NamedTuple):
@@ -125,7 +170,8 @@ def rows_of(rows: Sequence[Row], structure: Structure) -> Rows:
         load=load, weight=weight, **fields,
     )  # fmt: skip
     velocity = joined["velocity"][:, None] * direction + across.velocity
-    return Rows(packing, velocity, of_row, direction, joined["start"], contact)
+    names = tuple(row.name for row in rows)
+    return Rows(packing, velocity, of_row, direction, joined["start"], contact, names)
 
 
 class _Across(NamedTuple):
@@ -176,7 +222,7 @@ def _across(
                 held += [(end, np.sqrt(k) * t)] if k > 0.0 else []
         if np.isfinite(last.arm_rotation):
             guides.turn[end] = frame.T @ frame
-            arms += [(end, last.arm_rotation)] if last.arm_rotation > 0.0 else []
+            arms.append((end, last.arm_rotation))  # of 0 N m/rad as well: it knows the angle
         rubbing.append((contact[end], frame, last.law))
         if last.before is not None:
             rubbing.append((contact[end - 1], frame, last.before))

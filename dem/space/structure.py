@@ -1,10 +1,10 @@
 """Structures that packings lean on: modes that move the points where spheres touch them.
 
-    q'' + 2 zeta omega q' + omega^2 q = Phi F,    U = Phi^T q + S F
+    q'' + 2 zeta omega q' + omega^2 q = Phi F + load f(t),    U = Phi^T q + S F
 
-Each point moves along its directions, one or more rows of Phi. What points feel of each other, the
-static response included, is in the modes; S is in series with each contact: minus the half-space
-that Hertz' law holds along the normal, and Mindlin's across it.
+Shakers push by forces f. Each point moves along its directions, one or more rows of Phi. What
+points feel of each other, the static response included, is in the modes; S is in series with each
+contact: minus the half-space that Hertz' law holds along the normal, and Mindlin's across it.
 """
 
 from typing import NamedTuple
@@ -14,6 +14,7 @@ import numpy as np
 from beadwave.dem.checks import InvalidChain, require, vector
 from beadwave.dem.kernels import oscillators
 from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.shakers import Oscillators, ShakerForces, modal_shaker_forces
 from beadwave.dem.space.kernel import Numbers, StructureModes
 from beadwave.dem.space.packing import MOVING, Packing
 from beadwave.dem.walls import Wall
@@ -31,6 +32,8 @@ class Structure(NamedTuple):
     # (p, 3, 3) [m/N] what S has besides at points with three directions whose contacts rub by exact
     # springs: of a half-space on a mesh, whose directions the mesh couples
     residual_besides: Array | None = None
+    load: Array | None = None  # (k, s) [kg^-1/2] participations of its shakers
+    shakers: ShakerForces | None = None
 
     @property
     def n_points(self) -> int:
@@ -71,6 +74,8 @@ def structure_behind(packing: Packing, wall: Wall | Structure | None) -> Structu
     vector("residual of the structure", wall.residual.ravel(), 2 * wall.n_points)
     if wall.residual_besides is not None:
         vector("residual of the structure", wall.residual_besides.ravel(), 9 * wall.n_points)
+    if wall.load is not None:
+        vector("load of the structure", wall.load.ravel(), k * len(wall.shakers.force))
     if leaning.any() and MOVING - packing.pairs[:, 1].min() >= wall.n_points:
         raise InvalidChain(
             f"spheres touch the point {MOVING - packing.pairs[:, 1].min()} of a structure that has "
@@ -129,9 +134,12 @@ def modes_in_march(packing: Packing, structure: Structure, spans: Array) -> Stru
     with np.errstate(divide="ignore", invalid="ignore"):
         static = np.where(omega > 0.0, rest @ phi / omega**2, 0.0)
     start = np.searchsorted(structure.point, np.arange(structure.n_points + 1))
+    load = np.zeros((k, 0)) if structure.load is None else structure.load
+    modes = Oscillators(omega, structure.zeta, load, np.zeros((1, load.shape[1])))
     return StructureModes(
         np.zeros(k), np.zeros(k), phi, np.ascontiguousarray(omega), static,
         oscillators.propagators(spans, omega, structure.zeta), phi @ phi.T,
         np.ascontiguousarray(structure.direction), start.astype(np.int64), rest, np.zeros(r),
         np.zeros(r), np.zeros((2, r)), np.zeros(1),
+        modal_shaker_forces(modes, structure.shakers, spans), np.zeros(1),
     )  # fmt: skip

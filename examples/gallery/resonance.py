@@ -28,7 +28,8 @@ from beadwave.coupling.harmonic_balance import (
     answer,
     cut_at_contacts,
 )
-from beadwave.coupling.spatial_march import Before, ShakerForces
+from beadwave.coupling.spatial_march import Before
+from beadwave.dem.shakers import ShakerForces
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import aligned_text
 from observed import say

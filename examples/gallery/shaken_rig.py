@@ -19,13 +19,13 @@ import numpy as np
 from beadwave.coupling.spatial_march import (
     USUAL_SPATIAL_SEARCH,
     PreparedImpact,
-    ShakerForces,
     body_of,
 )
 from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from beadwave.dem import Chain
 from beadwave.dem.friction import stick_stiffness
 from beadwave.dem.lateral import LastSphere
+from beadwave.dem.shakers import ShakerForces
 from beadwave.dem.spheres import hertz_overlap
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start

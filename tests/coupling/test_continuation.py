@@ -10,8 +10,10 @@ from beadwave.coupling.continuation import (
     neighbouring_state,
     struck,
 )
-from beadwave.coupling.periodic_state import USUAL_PERIODIC_SEARCH, period_of
-from beadwave.coupling.spatial_march import ShakerForces, body_of
+from beadwave.coupling.period_map import USUAL_PERIODIC_SEARCH
+from beadwave.coupling.periodic_state import period_of
+from beadwave.coupling.spatial_march import body_of
+from beadwave.dem.shakers import ShakerForces
 
 from spatial_contact import last, random_wall, row
 

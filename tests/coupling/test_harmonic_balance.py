@@ -9,8 +9,8 @@ from beadwave.coupling.harmonic_balance import (
     cut_at_contacts,
     cycle_of,
 )
+from beadwave.coupling.period_map import USUAL_PERIODIC_SEARCH
 from beadwave.coupling.periodic_state import (
-    USUAL_PERIODIC_SEARCH,
     period_of,
     periodic_state,
     still,
@@ -18,11 +18,12 @@ from beadwave.coupling.periodic_state import (
     with_still,
     without_still,
 )
-from beadwave.coupling.spatial_march import Before, ShakerForces, SpatialSearch, body_of
+from beadwave.coupling.spatial_march import Before, SpatialSearch, body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import gross_slip, tangential_law
 from beadwave.dem.kernels.lateral import Springs, press_round
+from beadwave.dem.shakers import ShakerForces
 from beadwave.dem.spheres import hertz_overlap
 
 from closed_loops import loop_amplitude, loop_energy

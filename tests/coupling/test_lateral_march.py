@@ -5,7 +5,7 @@ import pytest
 
 from beadwave import dem
 from beadwave.coupling.lateral_march import LateralSearch, WallMotion, march_lateral
-from beadwave.coupling.periodic_state import PeriodicSearch
+from beadwave.coupling.period_map import PeriodicSearch
 from beadwave.coupling.spatial_march import SpatialSearch
 from beadwave.dem.friction import contact_of_load, gross_slip, stick_stiffness, tangential_law
 from beadwave.dem.lateral import LastSphere

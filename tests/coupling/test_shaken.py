@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from beadwave.coupling.shaken_march import march_shaken
-from beadwave.coupling.spatial_march import ShakerForces, body_of
+from beadwave.coupling.spatial_march import body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem.checks import InvalidChain
 from beadwave.dem.friction import tangential_law
+from beadwave.dem.shakers import ShakerForces
 
 from bristles import Bristles, ShakenStart, plain_march
 from closed_loops import loop_amplitude, loop_energy

@@ -9,9 +9,10 @@ import resonance
 from beadwave import dem, scene
 from beadwave.coupling.continuation import before_striker
 from beadwave.coupling.periodic_state import periodic_state
-from beadwave.coupling.spatial_march import ShakerForces, body_of, march_space
+from beadwave.coupling.spatial_march import body_of, march_space
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem.friction import stick_stiffness
+from beadwave.dem.shakers import ShakerForces
 from beadwave.dem.spheres import hertz_overlap
 from resonance import curve, point
 from shaken_rig import stuck_wall, uncoupled_wall

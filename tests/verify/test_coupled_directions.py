@@ -7,12 +7,12 @@ import pytest
 from beadwave.coupling.periodic_state import periodic_state
 from beadwave.coupling.spatial_march import (
     Before,
-    ShakerForces,
     SpatialSearch,
     body_of,
     march_space,
 )
 from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
+from beadwave.dem.shakers import ShakerForces
 from beadwave.workflows.evidence.verify.friction import R, sphere_with_friction
 
 from bristles import Bristles, ShakenStart, plain_march

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from beadwave.coupling.periodic_state import USUAL_PERIODIC_SEARCH, least_heat
+from beadwave.coupling.period_map import USUAL_PERIODIC_SEARCH
+from beadwave.coupling.periodic_state import least_heat
 from beadwave.workflows.evidence.harness import judged
 from beadwave.workflows.evidence.stability import shaken
 

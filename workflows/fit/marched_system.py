@@ -11,9 +11,9 @@ from beadwave.dem.sensitivities import STEPS_PER_TIME_SCALE, usual_step
 
 if TYPE_CHECKING:
     from beadwave.coupling.continuation import SteadyState
-    from beadwave.coupling.spatial_march import ShakerForces
     from beadwave.coupling.spatial_wall import SpatialWall
     from beadwave.dem.lateral import LastSphere
+    from beadwave.dem.shakers import ShakerForces
 
 
 class RubbingSurface(NamedTuple):

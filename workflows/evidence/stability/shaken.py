@@ -8,10 +8,11 @@ import numpy as np
 
 from beadwave import dem
 from beadwave.coupling.shaken_march import march_shaken
-from beadwave.coupling.spatial_march import ShakerForces, SpatialRun, body_of, march_space
+from beadwave.coupling.spatial_march import SpatialRun, body_of, march_space
 from beadwave.coupling.spatial_wall import SpatialWall, spatial_wall_of_modes
 from beadwave.dem.friction import tangential_law
 from beadwave.dem.lateral import LastSphere
+from beadwave.dem.shakers import ShakerForces
 from beadwave.workflows.evidence.harness import Outcome, Trial
 from beadwave.workflows.evidence.stability.trials import STEEL
 

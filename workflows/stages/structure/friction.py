@@ -17,7 +17,6 @@ from beadwave.coupling.reduced_spatial_wall import spatial_wall_of, with_stinger
 from beadwave.coupling.shaken_march import march_shaken
 from beadwave.coupling.spatial_march import (
     USUAL_SPATIAL_SEARCH,
-    ShakerForces,
     SpatialRun,
     SpatialSearch,
     body_of,
@@ -27,6 +26,7 @@ from beadwave.coupling.spatial_wall import SpatialWall
 from beadwave.coupling.structure_sensors import sensed_in_march
 from beadwave.dem.lateral import LateralTrajectory
 from beadwave.dem.prepared import prepare
+from beadwave.dem.shakers import ShakerForces
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import sensor_signals as signals
 from beadwave.workflows.stages.chain.chain import Start
