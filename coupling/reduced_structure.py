@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from beadwave.coupling.damping import Damping, damping_ratios, matrix_ratios
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.reduced_spatial_wall import modes_and_oscillators
+from beadwave.dem.shakers import ShakerForces
 from beadwave.dem.space import MOVING, Packing, Structure
 from beadwave.rom import ReducedModel
 
@@ -26,18 +27,18 @@ def structure_of(
     direction: ArrayLike,
     half_space: ArrayLike,
     *,
-    half_space_besides: ArrayLike | None = None,
     damping: Damping | None = None,
     cutoff_hz: float | None = None,
+    shakers: ShakerForces | None = None,
 ) -> Structure:
-    """The structure of a reduced model whose coordinates the contacts' directions load by W (q, r);
-    `point` (r,) is whose direction (r, 3) each is, from 0.
+    """The structure of a reduced model whose coordinates the contacts' directions load by W (q, r),
+    and s shakers by columns behind these; `point` (r,) is whose direction (r, 3) each is, from 0.
 
-    half_space (p, 2) [m/N], normal and tangential, is taken off each point, and half_space_besides
-    (p, 3, 3) what it has besides on a mesh, where contacts rub (`Structure.residual_besides`).
-    damping and cutoff_hz as in `wall_from_reduced`. Raises CouplingError.
+    half_space (p, 2) [m/N], normal and tangential, is taken off each point. damping and cutoff_hz
+    as in `wall_from_reduced`. Raises CouplingError.
     """
     omega, phi, _, D = modes_and_oscillators(reduced, np.asarray(W, float), cutoff_hz)
+    phi, load = np.split(phi, [len(np.asarray(point))], axis=1)
     zeta = damping_ratios(damping, omega) + matrix_ratios(D, omega)
     return Structure(
         omega,
@@ -46,7 +47,8 @@ def structure_of(
         np.asarray(point, np.int64),
         np.asarray(direction, float),
         -np.asarray(half_space, float),
-        None if half_space_besides is None else -np.asarray(half_space_besides, float),
+        load=None if shakers is None else load,
+        shakers=shakers,
     )
 
 

@@ -15,10 +15,12 @@ from scipy.linalg import expm
 
 from beadwave.coupling.period_map import (
     USUAL_PERIODIC_SEARCH,
+    FixedPoint,
     PeriodicSearch,
     fixed_point,
     marched_on,
     stays,
+    step_of,
 )
 from beadwave.dem import UnstableStep
 from beadwave.dem.friction import stick_stiffness
@@ -26,9 +28,10 @@ from beadwave.dem.kernels.arguments import Array, Steps
 from beadwave.dem.kernels.crew import Crew
 from beadwave.dem.kernels.shaking import ModalShakerForces
 from beadwave.dem.kernels.tangential import TangentialLaw
+from beadwave.dem.lateral import Cycle
 from beadwave.dem.richardson import richardson
 from beadwave.dem.schemes import SCHEMES
-from beadwave.dem.space import Packing, Rows, Structure, kernel
+from beadwave.dem.space import Packing, RowRun, Rows, Structure, kernel, struck
 from beadwave.dem.space.march import (
     SpaceErrors,
     SpaceState,
@@ -43,11 +46,11 @@ from beadwave.dem.space.march import (
     room,
     state_of,
 )
-from beadwave.dem.space.rows import before_striker, struck
 from beadwave.dem.space.structure import contact_forces_at_rest, residual_matrices, residuals
 
+STICKS = 0.9  # share of a contact's area, from which on its cycle is near the linear one
 CELLS = 128  # of each contact at first, doubled with the steps
-LEAST_FORCE = 1e-3  # of a contact's bound, over which amplitudes are compared
+LEAST_FORCE = 0.02  # of a contact's normal force, over which amplitudes are compared
 SCHEME = SCHEMES["verlet"]
 
 
@@ -114,6 +117,7 @@ class PackingPeriod(NamedTuple):
     coordinates: Coordinates
     approach: Array  # (c, n) of the bodies at each contact, n = a + b + k
     way: Array  # (m, 2, n) of the second over the first surface, along the contact's frame
+    turning: Array  # (n, n) [N/m] of forces at rest, as lines of centres turn
     rate: float  # [rad/s] of the fastest contact
 
     @property
@@ -206,7 +210,7 @@ class PackingPeriod(NamedTuple):
         c_n = np.zeros(len(k_n)) if damping is None else damping.gamma * pressed
 
         # contacts along their normals, and of those that rub all three directions together
-        K = np.diag(np.concatenate([np.zeros(a + b), structure.omega**2]))
+        K = self.turning + np.diag(np.concatenate([np.zeros(a + b), structure.omega**2]))
         D = np.diag(np.concatenate([np.zeros(a + b), 2.0 * structure.zeta * structure.omega]))
         rubbing = np.zeros(0, np.int64) if springs is None else springs.contact
         along = np.setdiff1d(np.flatnonzero(closed), rubbing)
@@ -291,10 +295,13 @@ def coordinates_of(packing: Packing) -> Coordinates:
     return Coordinates(*free(guides.motion), arms.sphere[arm], arm, turn)
 
 
-def deformations(packing: Packing, structure: Structure, of: Coordinates) -> tuple[Array, Array]:
+def deformations(
+    packing: Packing, structure: Structure, of: Coordinates
+) -> tuple[Array, Array, Array]:
     """Approach (c, n) of the bodies at each contact, and way (m, 2, n) of the second over the first
-    surface at those that rub by springs, of displacements, turns and modes."""
-    a, b, c = len(of.sphere), len(of.turner), len(packing.A)
+    surface at those that rub by springs, of displacements, turns and modes; and the stiffness
+    (n, n) [N/m] of two spheres pressed by N at a distance r, whose line turns: -N/r across it."""
+    a, b = len(of.sphere), len(of.turner)
     e = packing.arm / np.linalg.norm(packing.arm, axis=1)[:, None]
 
     def seen(body: int, line: Array) -> Array:
@@ -311,9 +318,17 @@ def deformations(packing: Packing, structure: Structure, of: Coordinates) -> tup
         seen(i, line) - (0.0 if j == -1 else seen(j, line))
         for (i, j), line in zip(packing.pairs, e, strict=True)
     ])  # fmt: skip
+    turning = np.zeros((approach.shape[1],) * 2)
+    pressed = contact_forces_at_rest(packing, structure)[: packing.n_pairs]
+    for c in np.flatnonzero(pressed > 0.0):
+        i, j = packing.pairs[c]
+        for line in np.linalg.svd(e[c][None])[2][1:]:
+            row = seen(j, line) - seen(i, line)
+            if row.any():
+                turning -= pressed[c] / packing.length[c] * np.outer(row, row)
     springs = packing.springs
     if springs is None:
-        return approach, np.zeros((0, 2, approach.shape[1]))
+        return approach, np.zeros((0, 2, approach.shape[1])), turning
     way = np.zeros((len(springs.contact), 2, approach.shape[1]))
     share = arrays(packing, structure).share
     for m, c in enumerate(springs.contact):
@@ -324,7 +339,7 @@ def deformations(packing: Packing, structure: Structure, of: Coordinates) -> tup
             for sphere, part in ((i, share[c, 0]), (j, share[c, 1])):
                 row[a : a + b] -= part * (of.turner == sphere) * (of.turn @ lever)
             way[m, t] = row
-    return approach, way
+    return approach, way, turning
 
 
 def period_of(
@@ -345,6 +360,48 @@ def period_of(
     return period, MovingPacking(motion, parts)
 
 
+def repeated(
+    period: PackingPeriod,
+    begin: MovingPacking,
+    search: PeriodicSearch,
+    tolerance: float,
+    before: FixedPoint | None,
+) -> FixedPoint | None:
+    """A state that a period brings back, from the one that an earlier search has found `before`, or
+    from rest; None where no march is finite.
+
+    From rest first by the linear system's own cycle: where contacts all but stick they are lightly
+    damped resonators, in which levels of the shakers leave oscillations far beyond their cycle.
+    Where slip reaches far, that cycle may shear contacts more than the true one does, and levels
+    find it.
+    """
+    if before is not None:
+        begins = [(begin.copied(), search, before.jacobian)]
+    else:
+        at_once = search._replace(levels=(), settling=0)
+        begins = [(linear_cycle(period, begin), at_once, None), (begin.copied(), search, None)]
+    best = None
+    for start, how, jacobian in begins:
+        try:
+            point = fixed_point(period, start, how, tolerance, jacobian)
+        except UnstableStep:  # a Newton step may lead to where spheres meet at any speed
+            continue
+        if best is None or point.change <= max(tolerance, best.change):
+            best = point
+        if point.change <= tolerance and point.saved.stick.min() > STICKS:
+            break
+    return best
+
+
+def linear_cycle(period: PackingPeriod, at_rest: MovingPacking) -> MovingPacking:
+    """The packing where the linear system's period brings it back, from contacts at rest."""
+    first, moving = at_rest.copied(), at_rest.copied()
+    period.march(first)
+    M, weights = period.linear(None)
+    period.place(moving, step_of(M, weights, period.z_of(first)))
+    return moving
+
+
 class Numbers(NamedTuple):
     """Numbers by which two cycles are compared."""
 
@@ -361,7 +418,7 @@ class Numbers(NamedTuple):
 
 def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> Numbers:
     """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and amplitudes of a
-    contact at least LEAST_FORCE of what its normal force at rest would allow for mu = 1."""
+    contact at least LEAST_FORCE of its normal force at rest, and the way that this shears it."""
     speeds = period.speeds_of(saved)
     scale = max(speed, float(np.abs(speeds).max())) or 1.0
     loops = saved.heat[-1] - saved.heat[0]
@@ -401,10 +458,13 @@ def shaken_state(
     *,
     error: float,
     speed: float = 0.0,
+    dt: float | None = None,
     search: PeriodicSearch = USUAL_PERIODIC_SEARCH,
 ) -> ShakenState:
     """The state at t = 0 that the structure's shakers keep up, to an error: of velocities over the
-    largest or `speed` [m/s], of amplitudes, and of friction's heat over the shakers' work.
+    largest or `speed` [m/s], of amplitudes, at least 2 % of a contact's normal force, and of
+    friction's heat over the shakers' work. Or by
+    steps of dt [s] at most, whose error is not told.
 
     From contacts that were pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
@@ -412,6 +472,8 @@ def shaken_state(
     rubs, rate = packing.springs is not None, fastest_rate(packing, np.zeros_like(packing.rest))
     T, n_cells = structure.shakers.period, CELLS
     n_steps = max(search.cycle_steps, math.ceil(T * rate / search.phase))
+    if dt is not None:
+        n_steps = max(search.cycle_saves, math.ceil(T / dt))
     tolerance, order = search.periodicity * error, 1.0 if rubs else 2.0
     coarse, estimates, point, moving = None, [math.inf], None, None
     pressed = contact_forces_at_rest(packing, structure) > 0.0
@@ -419,20 +481,22 @@ def shaken_state(
         divided = packing
         if rubs:
             divided = packing._replace(springs=packing.springs._replace(n_cells=n_cells))
-        start = divided, structure, n_steps, search
-        period, at_rest = period_of(*start)
+        period, begin = period_of(divided, structure, n_steps, search)
         if moving is not None:
-            resume(state_of(*moving), *at_rest)
-        try:
-            jacobian = None if point is None else point.jacobian
-            point = fixed_point(period, at_rest, search, tolerance, jacobian)
+            resume(state_of(*moving), *begin)
+        point = repeated(period, begin, search, tolerance, point)
+        if point is None:
+            moving, change, impacting = begin, math.inf, False
+        else:
             moving, saved, change = point.moving, point.saved, point.change
             impacting = bool((saved.pressed.min(axis=0) <= 0.0)[pressed].any())
-        except UnstableStep:  # a Newton step may lead to where spheres meet at any speed
-            point, moving, change, impacting = None, period_of(*start)[1], math.inf, False
         accepted, n_periods = (search.opening if impacting else search.accepted) * error, 1
         if change > accepted or (impacting and not stays(period, moving, search)):
             moving, saved, change, n_periods = marched_on(period, moving, speed, search, accepted)
+
+        if dt is not None:
+            estimates, loop_errors = [0.0], np.full(saved.heat.shape[1], np.inf)
+            break
 
         # the error by the search before, if both come back after as many periods
         numbers = numbers_of(period, saved, speed)
@@ -471,48 +535,72 @@ def shaken_state(
     )
 
 
-class ShakenRows(NamedTuple):
-    """A march of several chains from the periodic state on."""
-
-    march: SpaceTrajectory
-    before: ShakenState
-
-
 def march_shaken_rows(
     rows: Rows,
     structure: Structure,
+    before: ShakenState,
     *,
     duration: float,
     error: float | None = None,
     dt: float | None = None,
     n_save: int = 1000,
-    upstream_held: Sequence[bool],
-) -> ShakenRows:
-    """Rows with their velocities added at t = 0 to the periodic state of spheres, contacts and
-    structure under the shakers: to an error relative to the largest speed, or by steps of dt [s].
+) -> SpaceTrajectory:
+    """Rows with their velocities added at t = 0 to the state that shakers keep up before: to an
+    error relative to the largest speed, that state's included, or by steps of dt [s].
 
-    Strikers are not there before (`space.before_striker`), and come as they would to a structure at
-    rest, their place that of the next sphere at t = 0. Raises InvalidChain, and UnstableStep where
-    no state is periodic.
+    Strikers come as they would to a structure at rest, their place that of the next sphere at
+    t = 0. Raises InvalidChain, and UnstableStep as `space.march_to_error`.
     """
-    fastest = float(np.linalg.norm(rows.velocity, axis=1).max())
-    packing, wanted = before_striker(rows, upstream_held), 1e-4 if error is None else error
-    before = shaken_state(packing, structure, error=wanted, speed=fastest)
-    run = {"duration": duration, "n_save": n_save, "begin": struck(rows, before.state)}
-    arguments = rows.packing, structure, rows.velocity
+    start = struck(rows, before.state)
+    run = {"duration": duration, "n_save": n_save}
+    arguments = rows.packing, structure, start
     if dt is not None:
-        return ShakenRows(march(*arguments, dt=dt, **run), before)
+        return march(*arguments, dt=dt, **run)
 
-    # the error is shared by both, half of it at least is the march's; that of the periodic state is
-    # one of each motion and force
+    # the error is shared by both, half of it at least is the march's, of which it is one over the
+    # speeds at t = 0; that of the periodic state is one of each motion and force
+    at_start = float(np.linalg.norm(start.motion.v, axis=1).max())
+    speed = max(float(np.linalg.norm(rows.velocity, axis=1).max()), before.fastest)
     of_march = max(error - before.error_estimate, 0.5 * error)
-    speed = max(fastest, before.fastest)
-    found = march_to_error(*arguments, error=of_march, speed=speed, **run)
+    found = march_to_error(*arguments, error=of_march * speed / at_start, **run)
     share, errors = before.error_estimate, found.errors
     errors = SpaceErrors(
         errors.displacement + share * float(np.ptp(found.displacement, axis=0).max()),
         errors.velocity + share * speed,
         errors.pair_force + share * float(np.ptp(found.pair_force, axis=0).max()),
     )
-    stated = found.error_estimate + before.error_estimate
-    return ShakenRows(found._replace(error_estimate=stated, errors=errors), before)
+    stated = found.error_estimate * at_start / speed + before.error_estimate
+    return found._replace(error_estimate=stated, errors=errors)
+
+
+def with_cycles(runs: Sequence[RowRun], rows: Rows, before: ShakenState) -> tuple[RowRun, ...]:
+    """The runs of rows, those with friction with the cycle of their last sphere, from the middle of
+    which slip counts."""
+    packing, saved, found = rows.packing, before.saved, []
+    k = len(saved.stick)
+    for i, run in enumerate(runs):
+        if run.across is None:
+            found.append(run)
+            continue
+        last = np.flatnonzero(rows.row == i)[-1]
+        m = int(np.flatnonzero(packing.springs.contact == rows.contact[last])[0])
+        slip = -saved.slip[:, m]  # of the sphere over the structure
+        middle = 0.5 * (slip.max(axis=0) + slip.min(axis=0))
+        sphere = saved.x.reshape(k, -1, 3)[:, last] @ packing.springs.frame[m].T
+        cycle = Cycle(
+            t=np.linspace(-before.duration, 0.0, k),
+            friction_force=saved.friction[:, m],
+            slip=slip - middle,
+            sphere_t=sphere,
+            stick_share=saved.stick[:, m],
+            energy=float(saved.heat[-1, m] - saved.heat[0, m]) / before.n_periods,
+            periodicity_error=before.change,
+            drift=float(np.hypot(*(sphere[-1] - sphere[0]))),
+            error_estimate=before.error_estimate,
+            n_steps=before.n_steps,
+            periods=before.n_periods,
+            energy_error=float(before.loop_errors[m]),
+        )
+        across = run.across._replace(slip=run.across.slip - middle, cycle=cycle)
+        found.append(run._replace(across=across))
+    return tuple(found)

@@ -47,7 +47,16 @@ from beadwave.dem.space.packing import (
     plane_guides,
     validate,
 )
-from beadwave.dem.space.rows import AcrossRun, Row, RowRun, Rows, row_runs, rows_of
+from beadwave.dem.space.rows import (
+    AcrossRun,
+    Row,
+    RowRun,
+    Rows,
+    before_striker,
+    row_runs,
+    rows_of,
+    struck,
+)
 from beadwave.dem.space.statics import at_rest, resultants
 from beadwave.dem.space.structure import Structure, structure_of_wall
 
@@ -66,6 +75,7 @@ __all__ = [
     "SpaceTrajectory",
     "Structure",
     "at_rest",
+    "before_striker",
     "drive",
     "lattice",
     "line_guides",
@@ -78,6 +88,7 @@ __all__ = [
     "resultants",
     "row_runs",
     "rows_of",
+    "struck",
     "structure_of_wall",
     "touching",
     "unit_cell",

@@ -129,7 +129,7 @@ class SpaceTrajectory(NamedTuple):
     work_preload: Array  # (k,) [J] of the load without the weights
     work_gravity: Array  # (k,) [J]
     work_drive: Array  # (k,) [J] of what drives spheres
-    work_shakers: Array  # (k,) [J] of the structure's shakers
+    work_shaker: Array  # (k,) [J] of the structure's shakers
     energy_total: Array  # (k,) [J] constant if exact
     dt: float  # [s]
     n_steps: int
@@ -150,24 +150,24 @@ def default_scheme(packing: Packing) -> Scheme:
 def march(
     packing: Packing,
     wall: Wall | Structure | None,
-    v0: ArrayLike,
+    v0: ArrayLike | SpaceState,
     *,
     duration: float,
     dt: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
     scheme: str | None = None,
-    begin: SpaceState | None = None,
 ) -> SpaceTrajectory:
     """Trajectory from the places at rest with velocities v0 (s, 3) [m/s], or with spins behind them
     (s, 6) [rad/s], at n_save + 1 equal times from 0 to `duration` [s], by the longest steps that
     divide their spacing and are not above dt [s].
 
     `saved` are the spheres that are kept (all without it), from 0. The planes that move do so with
-    the modes of `wall`, a structure or a wall of one point. In place of rest all may `begin` with a
-    state of an earlier march, to whose velocities v0 are added. Raises InvalidChain, and
+    the modes of `wall`, a structure or a wall of one point. In place of velocities v0 may be a
+    state, which an earlier march has left. Raises InvalidChain, and
     UnstableStep where a state is not finite.
     """
+    begin, v0 = (v0, v0.motion.v) if isinstance(v0, SpaceState) else (None, v0)
     v0, spin = np.hsplit(np.asarray(v0, float), [3]) if np.ndim(v0) == 2 else (v0, None)
     v0, structure = validate(packing, v0), structure_behind(packing, wall)
     positive("duration", duration, " s")
@@ -234,13 +234,9 @@ def state_of(motion: SpaceMotion, parts: kernel.Parts) -> SpaceState:
 
 
 def resume(state: SpaceState, motion: SpaceMotion, parts: kernel.Parts) -> None:
-    """Bring a march to a state, whose velocities are added to those it has; losses and works count
-    from here on."""
-    v, spin = motion.v.copy(), motion.spin.copy()
+    """Bring a march to a state; losses and works count from here on."""
     for to, values in zip(motion, state.motion, strict=True):
         to[:] = values
-    motion.v[:] += v
-    motion.spin[:] += spin
     motion.lost[:] = motion.heat[:] = 0.0
     if state.springs is not None:
         for name in ("slip", "rate", "pressed"):
@@ -266,29 +262,26 @@ def resume(state: SpaceState, motion: SpaceMotion, parts: kernel.Parts) -> None:
 def march_to_error(
     packing: Packing,
     wall: Wall | Structure | None,
-    v0: ArrayLike,
+    v0: ArrayLike | SpaceState,
     *,
     duration: float,
     error: float,
     n_save: int = 1000,
     saved: ArrayLike | None = None,
-    begin: SpaceState | None = None,
-    speed: float = 0.0,
 ) -> SpaceTrajectory:
-    """`march` whose velocities are off by less than `error` times the largest initial speed,
-    or `speed` [m/s] if that is more, and
+    """`march` whose velocities are off by less than `error` times the largest initial speed, and
     whose ledger closes to a hundredth of it, with exact springs of friction to a fifth; `errors`
     has those of each sphere and contact.
 
     Raises InvalidChain, UnstableStep where no march is finite or the error takes too much work.
     """
-    v0 = np.asarray(v0, float)
-    v = validate(packing, v0[:, :3] if v0.ndim == 2 else v0)
+    v = np.asarray(v0.motion.v if isinstance(v0, SpaceState) else v0, float)
+    v = validate(packing, v[:, :3] if v.ndim == 2 else v)
     positive("error", error)
     positive("duration", duration, " s")
-    speed = max(speed, float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
+    speed = max(float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
     order = event_order(packing)
-    run = {"duration": duration, "n_save": n_save, "saved": saved, "begin": begin}
+    run = {"duration": duration, "n_save": n_save, "saved": saved}
     step, coarse, spent = first_step(packing, v, duration), None, 0.0
     of_cells, unstable = None, 0  # SpaceErrors of the cells; marches that were not finite
     ledger = LEDGER if packing.springs is None else LEDGER_OF_SPRINGS
@@ -345,7 +338,8 @@ def march_to_error(
 
 
 def divided(
-    packing: Packing, wall: Wall | Structure | None, v0: Array, fine: SpaceTrajectory,
+    packing: Packing, wall: Wall | Structure | None, v0: ArrayLike | SpaceState,
+    fine: SpaceTrajectory,
     error: float, speed: float, run: dict,
 ) -> tuple[Packing, SpaceTrajectory, SpaceErrors]:  # fmt: skip
     """The packing with cells of exact springs of which half as many change velocities, over

@@ -14,12 +14,12 @@ from beadwave.dem.chain import Chain
 from beadwave.dem.checks import InvalidChain, require
 from beadwave.dem.kernels.arguments import Array
 from beadwave.dem.kernels.tangential import TangentialLaw
-from beadwave.dem.lateral import LastSphere, checked_last_sphere, require_hertz
+from beadwave.dem.lateral import Cycle, LastSphere, checked_last_sphere, require_hertz
 from beadwave.dem.prepared import prepare
 from beadwave.dem.space.kernel import Arms, Guides, HoldingSprings, Numbers
 from beadwave.dem.space.march import SpaceState, SpaceTrajectory
 from beadwave.dem.space.packing import MOVING, NO_YIELD, Packing, RubbingContacts, line_guides
-from beadwave.dem.space.structure import Structure, residual_matrices
+from beadwave.dem.space.structure import Structure, residual_matrices, rest_forces
 from beadwave.dem.statics import NoEquilibrium
 from beadwave.dem.walls import Wall
 
@@ -70,7 +70,7 @@ def before_striker(rows: Rows, upstream_held: Sequence[bool]) -> Packing:
         number, name = int(np.sum(rows.row[:i] == rows.row[i])) + 1, rows.names[rows.row[i]]
         raise InvalidChain(
             f"sphere {number} of {name} is held by nothing while the shakers move the structure; "
-            'add leaf springs or a preload, or set its friction.upstream to "held"'
+            'add leaf springs, or with friction set its upstream to "held"'
         )
     free = (~held)[:, None, None]
     guides = Guides(packing.guides.motion * free, packing.guides.turn * free)
@@ -85,11 +85,12 @@ def strikers(rows: Rows) -> Numbers:
 
 
 def struck(rows: Rows, state: SpaceState) -> SpaceState:
-    """The state with strikers on the places of the spheres that they will touch, along the rows."""
-    u = state.motion.u.copy()
+    """The state with the rows' velocities, and strikers on the places of the spheres that they will
+    touch, along the rows."""
+    u, motion = state.motion.u.copy(), state.motion
     for first in strikers(rows):
         u[first] = (u[first + 1] @ rows.direction[first]) * rows.direction[first]
-    return state._replace(motion=state.motion._replace(u=u))
+    return state._replace(motion=motion._replace(u=u, v=motion.v + rows.velocity))
 
 
 class AcrossRun(NamedTuple):
@@ -104,6 +105,7 @@ class AcrossRun(NamedTuple):
     stick_share: Array  # (k,) of the contact's area; 0 while it is open
     wall_t: Array  # (k, 2) [m] displacement of the point
     dissipated_friction: Array  # (k,) [J]
+    cycle: Cycle | None = None  # before the striker, where shakers move the structure
 
 
 class RowRun(NamedTuple):
@@ -336,6 +338,7 @@ def _across_run(
     friction = march.pair_friction[:, contact] @ frame.T
     force = np.column_stack([march.wall_force[:, tangents[0] - 1], friction])
     S = residual_matrices(rows.packing, structure, np.array([contact]))[0]
+    at_rest = rest_forces(rows.packing, structure)[np.append(tangents[0] - 1, tangents)]
     return AcrossRun(
         sphere_t=march.displacement[:, last] @ frame.T,
         sphere_t_v=march.velocity[:, last] @ frame.T,
@@ -343,6 +346,6 @@ def _across_run(
         friction_force=friction,
         slip=march.slip[:, m],
         stick_share=march.stick_share[:, m],
-        wall_t=march.wall_x[:, tangents] + (force - force[0]) @ S[:, 1:],
+        wall_t=march.wall_x[:, tangents] + (force - at_rest) @ S[:, 1:],
         dissipated_friction=march.friction_heat[:, m],
     )

@@ -14,7 +14,7 @@ from beadwave.dem import space
 from beadwave.rom import full_order
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.page_data import page_data
-from beadwave.workflows.scene.places import sensor_places
+from beadwave.workflows.scene.places import sensor_places, shaker_places
 from beadwave.workflows.stages.chain.several import start
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
@@ -36,6 +36,7 @@ TOP = {"name": "top", "on": "plate:+z", "at": [0.01, 0.0], "count": 4, **SPHERES
 END = {"name": "end", "on": "plate:+x", "count": 3, **SPHERES,
        "striker": {"velocity": 0.2, "time": 3e-5}}  # fmt: skip
 TWO = PLATE | {"chains": [TOP, END]}
+SHAKER = {"name": "motor", "on": "plate:-z", "direction": "z", "frequency": 500, "force": 20.0}
 
 
 @pytest.fixture(scope="module")
@@ -350,9 +351,20 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
     ("changes", "words"),
     [
         ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
-        ({"shakers": [{"name": "s", "on": "plate:-z", "frequency": 100, "force": 1}]},
-         r"\[shakers\] is not of \[\[chains\]\]"),
-        ({"friction": {"coefficient": 0.1, "upstream": "held"}}, "friction.upstream is of one"),
+        ({"shakers": [SHAKER]}, "nothing presses the last sphere of chains.top on"),
+        ({"shakers": [SHAKER], "preload": {"force": 10.0}},
+         'sphere 2 of top is held by nothing .* or with friction set its upstream'),
+        ({"shakers": [SHAKER | {"on": "wall"}], "preload": {"force": 10.0}},
+         'shakers.motor.on = "wall" is no face of a structure'),
+        ({"shakers": [SHAKER | {"force": None, "velocity": 1e-3}], "preload": {"force": 10.0}},
+         "shakers.motor moves a structure without a stinger"),
+        ({"shakers": [SHAKER, SHAKER | {"name": "b", "frequency": 707.1}],
+          "preload": {"force": 10.0}}, "have no common period"),
+        ({"shakers": [SHAKER], "preload": {"force": 10.0},
+          "output": {"sensors": [{"on": "plate:+y", "quantity": "velocity"}]}},
+         "output.sensors on the structure are not computed"),
+        ({"friction": {"coefficient": 0.1, "upstream": "held"}},
+         r"friction.upstream is of chains below which shakers move; add \[\[shakers\]\]"),
         ({"chains": [TOP | {"count": 200_000}, TOP | {"name": "end", "count": 200_000,
                                                        "at": [0.011, 0.0]}]}, "GB of memory"),
         ({"arm": {}}, r"chains.top: \[arm\] holds the last sphere against friction"),
@@ -397,3 +409,47 @@ def test_what_is_not_of_several_chains_is_refused_in_a_sentence(changes, words):
     tables = {name: table for name, table in (TWO | changes).items() if table is not None}
     with pytest.raises(InvalidScene, match=words):
         beadwave.impact(tables)
+
+
+@pytest.mark.slow
+def test_shakers_move_the_structure_below_all_chains():
+    """Each chain's contact goes round in a cycle before its striker comes; the summary has its
+    numbers, the run begins with it, and what shakers do and what is lost balance."""
+    rubbing = {
+        "shakers": [SHAKER], "preload": {"force": 10.0}, "arm": {
+            "stiffness": 1e6}, "friction": {"coefficient": 0.2, "upstream": "held"},
+        "time": {"duration": 4e-4, "error": 1e-4},
+    }  # fmt: skip
+    run = beadwave.impact(TWO | rubbing)
+    a, scene = run.arrays, pipeline_of(run.scene, quiet)
+    state = scene("chains-before")
+    assert state.change < 1e-4 and state.n_periods == 1
+    lost = state.saved.energy[-1] - state.saved.energy[0]
+    # modes swing with 140 times the energy that a period takes: 3e-5 of that
+    assert state.unbalanced < 1e-2 * lost[-2]
+    for i, (name, last) in enumerate((("top", 3), ("end", 6))):
+        numbers = run.summary.chains[name].friction
+        force = state.saved.friction[:, i]
+        assert numbers.loop_tangential_N == pytest.approx(
+            0.5 * np.ptp(force, axis=0).max(), rel=1e-3
+        )
+        assert numbers.loop_periods == 1 and numbers.state_at_impact in ("stick", "partial slip")
+        assert a["v"][0, last] != 0.0
+    assert run.summary.errors.time <= 1e-4 and run.summary.energy_error < 1e-4
+    assert np.ptp(a["energy_total"]) < 1e-4 * a["energy_kinetic"].max()
+    assert 0.0 < run.summary.chains["top"].errors.reduction < 0.05
+
+
+@pytest.mark.slow
+def test_a_stinger_holds_the_structure_of_several_chains():
+    """Its stiffness is in the modes, its motion a force on them: next to the full model."""
+    sprung = {"leaf_springs": {"stiffness": (0.0, 1e5, 1e5, 1e5)}}
+    push = SHAKER | {"force": None, "displacement": 1e-6, "stinger": 1e6}
+    scene = PLATE | {"chains": [TOP | sprung], "shakers": [push], "preload": {"force": 10.0}}
+    steps = pipeline_of(beadwave.scene(scene), quiet)
+    behind, model = steps("structure"), steps("model")
+    place = functional(steps.scene, model, bodies_of_faces(model), shaker_places(steps.scene)[0])
+    K = model.K.toarray() + 1e6 * np.outer(place, place)
+    squares = eigh(K, model.M.toarray(), eigvals_only=True, subset_by_index=(0, 1))
+    np.testing.assert_allclose(np.sort(behind.omega)[:2], np.sqrt(squares), rtol=1e-3)
+    assert behind.shakers.force == pytest.approx(1.0)

@@ -119,9 +119,14 @@ def varied_chains(
     """The scene as a function of its keys, the first n_shared of them within the bounds.
 
     Computes the structures between which others lie where keys change the structure. Raises
-    InvalidScene for structures that cannot follow, and for chains with friction.
+    InvalidScene for structures that cannot follow, for chains with friction, and with shakers.
     """
     scene = base.with_values({})
+    if scene.shakers:
+        raise InvalidScene(
+            f"{scene.name}: [[shakers]] move the structure, with which several chains are not "
+            "compared with records; drop [[shakers]], or take one [chain]."
+        )
     rubbing = [name for name, one in scene.of_each_chain.items() if one.friction]
     if rubbing:
         raise InvalidScene(

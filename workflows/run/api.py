@@ -182,7 +182,7 @@ def impact(
         if chosen.chains:
             from beadwave.workflows.stages.chain.several_numbers import chains_arrays
 
-            stages = "chains", "structure", "chains-march"
+            stages = "chains", "structure", "chains-march", "chains-waves"
             return chains_arrays(chosen, *(pipeline(stage) for stage in stages))
         from beadwave.coupling.saved_run import arrays  # kept results load no march
 

@@ -83,7 +83,7 @@ def _missing_parts(scene: Scene) -> Iterator[str]:
     """Tables that act on a part which the scene does not have, and files that are not there."""
     chain, wall = scene.chain, scene.wall
     for name in ("gravity", "guides", "friction", "arm", "shakers"):
-        of_chains = scene.chains and name in ("gravity", "friction", "arm")
+        of_chains = scene.chains and name in ("gravity", "friction", "arm", "shakers")
         if chain is None and getattr(scene, name) and not of_chains:
             yield f"[{name}] needs a [chain] that it acts on; add one or drop [{name}]."
     if chain is None and not scene.has_structure:

@@ -6,17 +6,19 @@ from itertools import combinations
 import numpy as np
 
 from beadwave.system import free_memory
+from beadwave.workflows.scene.places import sensor_places
 from beadwave.workflows.scene.rig import RigScene, RigTable
 from beadwave.workflows.scene.rules.bodies import same_names
 from beadwave.workflows.scene.rules.contact import of_yield
 from beadwave.workflows.scene.rules.friction import of_friction
+from beadwave.workflows.scene.rules.shakers import of_shakers
 from beadwave.workflows.scene.rules.size import INSTANT_BYTES, LIMITS, gigabytes
 from beadwave.workflows.scene.scene import Scene
 from beadwave.workflows.scene.tables.chains import ChainOnStructure
 from beadwave.workflows.scene.tables.gravity import UPRIGHT
 
 # tables of one chain, or of what is not marched for several
-OTHERS = ("chain", "crystal", "wall", "guides", "shakers")
+OTHERS = ("chain", "crystal", "wall", "guides")
 MOST_CHAINS = 100  # each adds a column of the receptances and an oscillator
 MOST_COMPARED = 1000  # spheres of a chain that are compared with those of others
 
@@ -87,12 +89,21 @@ def of_chains(scene: Scene) -> Iterator[str]:
             yield "striker.tangential_velocity is of one [chain] under [friction]; drop it."
             continue
         one = scene.of_each_chain[row.name]
-        if one.friction and one.friction.upstream != "free":
-            yield f"{key}: friction.upstream is of one [chain] below which shakers move; drop it."
+        if one.friction and one.friction.upstream != "free" and not scene.shakers:
+            yield (
+                f"{key}: friction.upstream is of chains below which shakers move; add [[shakers]], "
+                "or drop it."
+            )
             continue
         for sentence in of_friction(one):
             yield f"{key}: {sentence}"
     yield from _overlapping(chains)
+    yield from of_shakers(scene)
+    if scene.shakers and sensor_places(scene):
+        yield (
+            "output.sensors on the structure are not computed for [[chains]] over [[shakers]]; "
+            "take sensors of spheres, or drop them."
+        )
     laws = {
         contact.dissipation
         for row in chains
@@ -104,7 +115,7 @@ def of_chains(scene: Scene) -> Iterator[str]:
         row for row in chains
         if not (row.striker or scene.striker or any(row.initial_velocity or ()))
     ]  # fmt: skip
-    if len(still) == len(chains):
+    if len(still) == len(chains) and not scene.shakers:
         yield f"nothing moves; give chains.{chains[0].name}.striker a velocity."
 
     for row in chains:

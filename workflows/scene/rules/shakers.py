@@ -109,23 +109,25 @@ def of_shakers(scene: Scene) -> Iterator[str]:
             excluding = " and ".join(amplitudes)
             yield f"{key} has {excluding}, which exclude each other; keep one of them."
         of_file = isinstance(scene.wall, RomWall) and scene.wall.file is not None
-        if isinstance(scene.wall, RomWall):
+        if isinstance(scene.wall, RomWall) or scene.chains:
             yield from _of_structure(shaker, key, of_file)
         else:
             yield from _of_wall(shaker, key)
         if not (isinstance(shaker.direction, str | None) or any(shaker.direction)):
             yield f"{key}.direction = {list(shaker.direction)} has no length; give another vector."
-    if scene.friction is None:
+    if scene.friction is None and not scene.chains:
         yield "[[shakers]] move the wall below the last sphere; add [friction], or drop them."
-    pressed = bool(scene.preload and scene.preload.force > 0.0)
-    pressed = pressed or bool(scene.gravity and scene.gravity.along > 0.0)
-    leaf = scene.leaf_springs
-    sprung = leaf is not None and bool(np.any(np.multiply(leaf.stiffness, leaf.offset)))
-    if not (pressed or sprung):
+    if not scene.chains and not _pressed(scene):
         yield (
             "[[shakers]] move a wall that nothing presses the last sphere on; add preload.force, "
             "or drop them."
         )
+    for name, one in scene.of_each_chain.items():
+        if not (_pressed(one) or scene.gravity):
+            yield (
+                "[[shakers]] move a structure that nothing presses the last sphere of "
+                f"chains.{name} on; add chains.{name}.preload.force, or drop them."
+            )
 
     # a common period
     slowest = min(shaker.frequency for shaker in shakers)
@@ -139,3 +141,13 @@ def of_shakers(scene: Scene) -> Iterator[str]:
             f"shakers of {hertz} Hz have no common period within {MOST_CYCLES} cycles of the "
             "slowest; change a frequency."
         )
+
+
+def _pressed(scene: Scene) -> bool:
+    """True if a force, the weight or leaf springs press the chain on the wall."""
+    leaf = scene.leaf_springs
+    return bool(
+        (scene.preload and scene.preload.force > 0.0)
+        or (scene.gravity and scene.gravity.along > 0.0)
+        or (leaf is not None and np.any(np.multiply(leaf.stiffness, leaf.offset)))
+    )

@@ -20,7 +20,8 @@ from beadwave.coupling.periodic_state import PeriodicSearch
 from beadwave.coupling.spatial_march import SpatialSearch
 from beadwave.dem.friction import gross_slip, stick_stiffness, tangential_law
 from beadwave.dem.lateral import LastSphere, LateralTrajectory
-from beadwave.dem.space import AcrossRun
+from beadwave.dem.shakers import ShakerForces
+from beadwave.dem.space import AcrossRun, RowRun
 from beadwave.dem.spheres import hertz_overlap, mass
 from beadwave.workflows.report.summary import ChainNumbers, FrictionNumbers
 from beadwave.workflows.scene import RomWall, Scene
@@ -98,6 +99,16 @@ def wall_motion(scene: Scene) -> WallMotion | None:
     )
 
 
+def shaker_forces(scene: Scene) -> ShakerForces:
+    """Forces of the scene's shakers; of a given motion the force on its stinger."""
+    shakers = scene.shakers or ()
+    return ShakerForces(
+        np.array([shaker.force_amplitude for shaker in shakers]),
+        np.array([shaker.frequency for shaker in shakers]),
+        np.radians([shaker.phase for shaker in shakers]),
+    )
+
+
 def last_sphere(scene: Scene, start: Start) -> LastSphere:
     """The last sphere of a scene, its friction and its arm across the chain."""
     chain, arm = scene.chain, scene.arm
@@ -128,14 +139,15 @@ def last_sphere(scene: Scene, start: Start) -> LastSphere:
 def numbers_across(
     scene: Scene,
     start: Start,
-    force: float,
+    run: dem.Trajectory | RowRun,
     lateral: LateralTrajectory | AcrossRun,
     dt: float,
     error: float | None,
 ) -> FrictionNumbers:
-    """Stiffness and gross slip at the largest force [N], and what the impact does across the
-    chain, by a march of steps dt [s] with this error."""
+    """Stiffness and gross slip at the largest force, what the impact does across the chain, by a
+    march of steps dt [s] with this error, and the periodic state before the striker."""
     law = last_sphere(scene, start).law
+    force = float(run.contact_force[:, -1].max())
     overlap = float(hertz_overlap(force, start.chain.A[-1]))
     radius = float(np.sqrt(law.radius * overlap))
 
@@ -146,7 +158,7 @@ def numbers_across(
     surface = lateral.sphere_t_v + R * np.stack([spin[:, 1], -spin[:, 0]], axis=1)
     speed = float(np.hypot(*surface[0]))
     ratio = float(surface[-1] @ surface[0]) / speed**2 if speed else None
-    return FrictionNumbers(
+    numbers = FrictionNumbers(
         stick_stiffness_N_m=float(stick_stiffness(law, radius)),
         gross_slip_m=float(gross_slip(law, overlap)),
         peak_friction_N=float(np.hypot(*lateral.friction_force.T).max()),
@@ -157,21 +169,13 @@ def numbers_across(
         dt_s=dt,
         error_estimate=error,
     )
-
-
-def friction_numbers(
-    scene: Scene, start: Start, impact: coupling.Impact, lateral: LateralTrajectory
-) -> FrictionNumbers:
-    """`numbers_across` of one chain, with the periodic state before the striker."""
-    run, step = impact.trajectory, (lateral.dt, lateral.error_estimate)
-    numbers = numbers_across(scene, start, float(run.contact_force[:, -1].max()), lateral, *step)
     if not lateral.cycle:
         return numbers
     return numbers.model_copy(update=cycle_numbers(scene, run, lateral))
 
 
 def cycle_numbers(
-    scene: Scene, run: dem.Trajectory, lateral: LateralTrajectory
+    scene: Scene, run: dem.Trajectory | RowRun, lateral: LateralTrajectory | AcrossRun
 ) -> dict[str, float | str | tuple[float, float] | None]:
     """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
     the wall: when its force first differs from that at rest by a hundredth of its rise."""
@@ -179,7 +183,7 @@ def cycle_numbers(
     cycle = lateral.cycle
     force = run.contact_force[:, -1]
     rise = np.abs(force - force[0])
-    struck = bool(run.energy_kinetic[0] > 0.0) and rise.max() > 0.0
+    struck = bool(run.v[0].any()) and rise.max() > 0.0
     at = int((rise >= ARRIVED * rise.max()).argmax()) if struck else 0
     stick = float(lateral.stick_share[at])
     states = {"open": force[at] <= 0.0, "gross slip": stick == 0.0, "stick": stick > ALL_STICKS}
@@ -230,7 +234,9 @@ def chain_numbers(
     together = max if isinstance(scene.wall, RomWall) else add
     numbers = {
         "energy_error": together(along.numbers["energy_error"], lateral.energy_error),
-        "friction": friction_numbers(scene, start, impact, lateral),
+        "friction": numbers_across(
+            scene, start, impact.trajectory, lateral, lateral.dt, lateral.error_estimate
+        ),
     }
     if not start.velocity.any():  # what moves spheres at rest is rounding
         numbers["waves"] = {}

@@ -7,14 +7,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from beadwave import coupling, dem
+from beadwave.coupling.reduced_spatial_wall import with_stingers
 from beadwave.coupling.reduced_structure import require_answer, structure_of
+from beadwave.coupling.shaken_packing import (
+    ShakenState,
+    march_shaken_rows,
+    shaken_state,
+    with_cycles,
+)
 from beadwave.dem import space
 from beadwave.dem.space.march import MOST_WORK, first_step, work
 from beadwave.dem.waves.chain_waves import ChainWaves, chain_waves
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import chain as one_chain
 from beadwave.workflows.stages.chain.damping import damping
-from beadwave.workflows.stages.chain.friction import last_sphere
+from beadwave.workflows.stages.chain.friction import last_sphere, shaker_forces
 from beadwave.workflows.stages.chain.walls import require_support
 
 if TYPE_CHECKING:
@@ -43,17 +50,25 @@ class ChainsErrors(NamedTuple):
 
 def structure(scene: Scene, reduction: ReducedModel, contacts: ChainContacts) -> space.Structure:
     """The structure as the chains push it."""
-    columns = np.column_stack([reduction.w, reduction.columns.load])
+    shakers, load = scene.shakers or (), reduction.columns.load
+    columns = np.column_stack([reduction.w, load])
+    if any(shaker.stinger for shaker in shakers):
+        stiffness = np.zeros(load.shape[1])
+        stiffness[load.shape[1] - len(shakers) :] = [s.stinger or 0.0 for s in shakers]
+        reduction = with_stingers(reduction, stiffness)
     # along each chain first, then across it
     point = np.append(np.arange(len(contacts.point)), np.repeat(contacts.rubbing, 2))
     direction = np.vstack([contacts.direction, contacts.frame.reshape(-1, 3)])
     order = np.argsort(point, kind="stable")
+    columns[:, : point.size] = columns[:, order]
     law = damping(scene.damping, reduction)
-    return structure_of(
-        reduction, columns[:, order], point[order], direction[order], contacts.half_space,
-        half_space_besides=contacts.half_space_besides if contacts.rubbing.size else None,
-        damping=law,
+    behind = structure_of(
+        reduction, columns, point[order], direction[order], contacts.half_space, damping=law,
+        shakers=shaker_forces(scene) if shakers else None,
     )  # fmt: skip
+    if not contacts.rubbing.size:
+        return behind
+    return behind._replace(residual_besides=-contacts.half_space_besides)
 
 
 def start(scene: Scene, contacts: ChainContacts, structure: space.Structure) -> ChainsStart:
@@ -107,8 +122,31 @@ def _require_apart(scene: Scene, rows: space.Rows) -> None:
             )
 
 
-def march(scene: Scene, start: ChainsStart, structure: space.Structure) -> space.SpaceTrajectory:
-    """The march of all chains and the structure, to the scene's error or at its step."""
+def before(
+    scene: Scene, start: ChainsStart, structure: space.Structure, dt: float | None = None
+) -> ShakenState:
+    """The state that shakers keep up before the strikers come, to the scene's error or by steps of
+    dt [s]. Raises InvalidScene where a sphere is held by nothing, UnstableStep where there is
+    none."""
+    held = [bool(one.friction and one.friction.upstream == "held")
+            for one in scene.of_each_chain.values()]  # fmt: skip
+    try:
+        packing = space.before_striker(start.rows, held)
+    except dem.InvalidChain as error:
+        raise InvalidScene(f"{scene.name}: [[shakers]]: {str(error).rstrip('.')}.") from None
+    wanted = 1e-4 if scene.time.error is None else scene.time.error
+    speed = float(np.linalg.norm(start.rows.velocity, axis=1).max())
+    return shaken_state(packing, structure, error=wanted, speed=speed, dt=dt)
+
+
+def march(
+    scene: Scene,
+    start: ChainsStart,
+    structure: space.Structure,
+    before: ShakenState | None = None,
+) -> space.SpaceTrajectory:
+    """The march of all chains and the structure, to the scene's error or at its step; from the
+    state `before` the strikers where there are shakers."""
     packing, time = start.rows.packing, scene.time
     step = time.dt or first_step(packing, start.rows.velocity, time.duration)
     if (least := work(packing, time.duration, step)) > MOST_WORK:
@@ -117,10 +155,41 @@ def march(scene: Scene, start: ChainsStart, structure: space.Structure) -> space
             f"computed at least, allowed are {MOST_WORK:.0e}; take less, or fewer spheres."
         )
     run = {"duration": time.duration, "n_save": scene.output.samples - 1}
+    if before is not None:
+        error = time.error if time.dt is None else None
+        return march_shaken_rows(start.rows, structure, before, error=error, dt=time.dt, **run)
     arguments = packing, structure, start.rows.velocity
     if time.dt is not None:
         return space.march(*arguments, dt=time.dt, **run)
     return space.march_to_error(*arguments, error=time.error, **run)
+
+
+def march_at_step(
+    scene: Scene,
+    first: ChainsStart,
+    structure: space.Structure,
+    dt: float,
+    other: ShakenState | None = None,
+) -> space.SpaceTrajectory:
+    """The march by steps of dt [s] on another structure; with shakers from its own state before the
+    strikers on, by the steps of the `other` structure's or shorter ones for faster modes."""
+    time = {"duration": scene.time.duration, "dt": dt, "n_save": scene.output.samples - 1}
+    if other is not None:
+        of_cycle = min(other.duration / other.n_steps, 1.0 / float(structure.omega.max()))
+        state = before(scene, first, structure, of_cycle)
+        return march_shaken_rows(first.rows, structure, state, **time)
+    return space.march(first.rows.packing, structure, first.rows.velocity, **time)
+
+
+def runs_of(
+    start: ChainsStart,
+    structure: space.Structure,
+    march: space.SpaceTrajectory,
+    before: ShakenState | None,
+) -> tuple[space.RowRun, ...]:
+    """Each chain's part of the march, with the cycle of its last sphere before the striker."""
+    runs = space.row_runs(start.rows, structure, march)
+    return runs if before is None else with_cycles(runs, start.rows, before)
 
 
 def waves(
@@ -128,10 +197,11 @@ def waves(
     start: ChainsStart,
     structure: space.Structure,
     march: space.SpaceTrajectory,
+    before: ShakenState | None = None,
 ) -> tuple[tuple[space.RowRun, ChainWaves], ...]:
     """Each chain's part of the march, and its waves."""
     found = []
-    runs = space.row_runs(start.rows, structure, march)
+    runs = runs_of(start, structure, march, before)
     each = scene.of_each_chain.values()
     for one, first, run in zip(each, start.starts, runs, strict=True):
         observed = [n for n in one.output.spheres if n <= len(first.velocity)]
@@ -147,14 +217,12 @@ def reduction_errors(
     march: space.SpaceTrajectory,
     reduction: ReducedModel,
     contacts: ChainContacts,
+    before: ShakenState | None = None,
 ) -> ChainsErrors:
     """Errors of the velocities by the reduction: the march again on the model that stands for the
     full structure at all contacts together, up to any frequency."""
     finer = structure(scene, reduction.finer, contacts)
-    again = space.march(
-        start.rows.packing, finer, start.rows.velocity, duration=scene.time.duration,
-        dt=march.dt / SHORTER, n_save=scene.output.samples - 1,
-    )  # fmt: skip
+    again = march_at_step(scene, start, finer, march.dt / SHORTER, before)
     return errors_of_difference(start, march, again, MARGIN)
 
 

@@ -46,7 +46,7 @@ def chains_numbers(
         peak = float(run.contact_force[:, -1].max())
         friction = None
         if run.across is not None:
-            friction = numbers_across(one, first, peak, run.across, march.dt, march.error_estimate)
+            friction = numbers_across(one, first, run, run.across, march.dt, march.error_estimate)
         each[name] = ChainOnStructureNumbers(
             peak_wall_force_N=peak,
             contact_radius_m=first.ellipse.size * contact_radius(one, first, peak),
@@ -93,17 +93,22 @@ def _warnings(scene: Scene, start, run: space.RowRun, waves: ChainWaves) -> Iter
     yield from warnings.unequal_spheres(start)
     yield from warnings.overlapping_waves(waves)
     if run.across is not None:
+        yield from warnings.unbalanced(run.across)
         yield from warnings.high_friction(scene)
         yield from warnings.neglected_coupling(scene, start)
 
 
 def chains_arrays(
-    scene: Scene, start: ChainsStart, structure: space.Structure, march: space.SpaceTrajectory
+    scene: Scene,
+    start: ChainsStart,
+    structure: space.Structure,
+    march: space.SpaceTrajectory,
+    waves: Runs,
 ) -> dict[str, np.ndarray]:
     """Arrays of trajectory.npz by name, all chains in order; `chain` (n,) is which one each sphere
     is of, from 0."""
     rows = start.rows
-    runs = space.row_runs(rows, structure, march)
+    runs = [run for run, _ in waves]
     along = np.searchsorted(structure.point, np.arange(structure.n_points))
     arrays = {
         "t": march.t,
@@ -129,7 +134,7 @@ def chains_arrays(
         arrays |= {
             name: np.stack([getattr(of_row, name) for _, of_row in across], axis=1)
             for name in space.AcrossRun._fields
-            if name != "dissipated_friction"
+            if name not in ("dissipated_friction", "cycle")
         }
         arrays["rubbing"] = np.array([i for i, _ in across])
     if march.errors is not None:
@@ -146,10 +151,11 @@ def chains_files(
     start: ChainsStart,
     structure: space.Structure,
     march: space.SpaceTrajectory,
+    waves: Runs,
     record: SensorRecord | None = None,
 ) -> dict[str, bytes]:
     """Content of trajectory.npz, and of signals.csv where sensors record, by name."""
-    files = {"trajectory.npz": npz(chains_arrays(scene, start, structure, march))}
+    files = {"trajectory.npz": npz(chains_arrays(scene, start, structure, march, waves))}
     if record is not None:
         from beadwave.workflows.stages.chain.sensor_signals import csv_text
 

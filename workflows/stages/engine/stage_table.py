@@ -74,6 +74,11 @@ def has_chains(scene: Scene) -> bool:
     return bool(scene.chains)
 
 
+def shakes_chains(scene: Scene) -> bool:
+    """True of several chains on one structure that shakers move."""
+    return bool(scene.chains) and bool(scene.shakers)
+
+
 def has_crystal(scene: Scene) -> bool:
     """True of a crystal."""
     return scene.crystal is not None
@@ -224,6 +229,16 @@ def _each_chain(scene: Scene) -> Any:
         "chains", "striker", "contact", "leaf_springs", "preload", "gravity", "friction", "arm"
     )  # fmt: skip
     return [tables(scene), _marched(scene)]
+
+
+def _shaken_wall(scene: Scene) -> Any:
+    """Input of a structure under its shakers."""
+    return [_wall_reads(scene), tables_of("shakers")(scene)]
+
+
+def _shaken_chains(scene: Scene) -> Any:
+    """Input of the same from the state on that shakers keep up."""
+    return [_each_chain(scene), tables_of("shakers")(scene)]
 
 
 def content(path: str | Path) -> str | None:
@@ -403,12 +418,12 @@ STAGES = (
     ),
     Stage(
         "spatial-wall", ".structure.friction:spatial_wall",
-        lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)], ("reduction",),
+        _shaken_wall, ("reduction",),
         when=lambda scene: rubs_on_structure(scene) and strikes_structure(scene),
     ),
     Stage(
         "spatial-wall", ".structure.friction:spatial_wall",
-        lambda scene: [_wall_reads(scene), tables_of("shakers")(scene)], when=rubs_on_structure,
+        _shaken_wall, when=rubs_on_structure,
     ),
     # errors of the structure
     Stage(
@@ -519,7 +534,7 @@ STAGES = (
     ),
     # several chains
     Stage(
-        "structure", ".chain.several:structure", _wall_reads, ("reduction", "chain-contacts"),
+        "structure", ".chain.several:structure", _shaken_wall, ("reduction", "chain-contacts"),
         when=has_chains, kept=False, listed=False,
     ),
     Stage(
@@ -527,23 +542,28 @@ STAGES = (
         when=has_chains, kept=False, listed=False,
     ),
     Stage(
-        "chains-march", ".chain.several:march", _each_chain, ("chains", "structure"),
-        when=has_chains,
+        "chains-before", ".chain.several:before", _shaken_chains, ("chains", "structure"),
+        when=shakes_chains,
     ),
     Stage(
-        "chains-waves", ".chain.several:waves", _observed, ("chains", "structure", "chains-march"),
-        when=has_chains,
+        "chains-march", ".chain.several:march", _each_chain,
+        ("chains", "structure", "chains-before"), when=has_chains,
     ),
     Stage(
-        "chains-errors", ".chain.several:reduction_errors", _marched,
-        ("chains", "structure", "chains-march", "reduction", "chain-contacts"), when=has_chains,
+        "chains-waves", ".chain.several:waves", _observed,
+        ("chains", "structure", "chains-march", "chains-before"), when=has_chains,
+    ),
+    Stage(
+        "chains-errors", ".chain.several:reduction_errors", _shaken_chains,
+        ("chains", "structure", "chains-march", "reduction", "chain-contacts", "chains-before"),
+        when=has_chains,
     ),
     Stage(
         "chains-mesh-errors", ".errors.chains_mesh_error:mesh_errors",
         lambda scene: [
-            read(scene) for read in (joined, _reduced, _wall_reads, _places, _each_chain)
+            read(scene) for read in (joined, _reduced, _wall_reads, _places, _shaken_chains)
         ],
-        ("chains", "chains-march", "mesh", "modes"), when=has_chains,
+        ("chains", "chains-march", "mesh", "modes", "chains-before"), when=has_chains,
     ),
     Stage(
         "chains-numbers", ".chain.several_numbers:chains_numbers", _marched,
@@ -551,7 +571,8 @@ STAGES = (
     ),
     Stage(
         "chains-files", ".chain.several_numbers:chains_files", tables_of("output"),
-        ("chains", "structure", "chains-march", "record"), when=has_chains, listed=False,
+        ("chains", "structure", "chains-march", "chains-waves", "record"),
+        when=has_chains, listed=False,
     ),
     Stage(
         "chains-figures", ".pages.figures:of_chains", _observed, ("chains-march", "chains-waves"),

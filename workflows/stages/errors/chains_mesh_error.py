@@ -4,6 +4,7 @@ The other mesh and the share of the difference that is the run's own are those o
 """
 
 from beadwave import fem, rom
+from beadwave.coupling.shaken_packing import ShakenState
 from beadwave.dem import space
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.scene import LossFactorsTable, Scene
@@ -12,7 +13,7 @@ from beadwave.workflows.stages.chain import several
 from beadwave.workflows.stages.errors.second_mesh import other_mesh
 from beadwave.workflows.stages.structure import assembly
 from beadwave.workflows.stages.structure.meshed_parts import Parts
-from beadwave.workflows.stages.structure.several import ChainContacts, contacts
+from beadwave.workflows.stages.structure.several import ChainContacts, contacts, with_shakers
 
 
 def mesh_errors(
@@ -21,14 +22,13 @@ def mesh_errors(
     march: space.SpaceTrajectory,
     mesh: Parts,
     modes: AssemblyModes,
+    before: ShakenState | None = None,
 ) -> several.ChainsErrors:
     """Errors of the velocities by the mesh. Raises ValueError where no other mesh tells them."""
     structure, places, share = structure_on_other_mesh(scene, mesh, modes)
-    rows = several.start(scene, places, structure).rows
-    again = space.march(
-        rows.packing, structure, rows.velocity, duration=scene.time.duration, dt=march.dt,
-        n_save=scene.output.samples - 1,
-    )  # fmt: skip
+    again = several.march_at_step(
+        scene, several.start(scene, places, structure), structure, march.dt, before
+    )
     return several.errors_of_difference(start, march, again, share)
 
 
@@ -47,8 +47,8 @@ def structure_on_other_mesh(
     places, table = contacts(scene, parts, model), scene.reduction
     with fem.one_thread():
         reduced = rom.several_contacts(
-            model.K, model.M, places.columns, error=table.error, to_hz=table.to_hz or TO_HZ,
-            factorise=fem.factorised,
+            model.K, model.M, with_shakers(scene, model, places), error=table.error,
+            to_hz=table.to_hz or TO_HZ, factorise=fem.factorised,
         )  # fmt: skip
     # frequencies that ratios of damping are of, as the run has them
     struck = reduced.contact._replace(modes_hz=tuple(modes.paired_hz.values()) or None)

@@ -26,12 +26,11 @@ from beadwave.coupling.spatial_wall import SpatialWall
 from beadwave.coupling.structure_sensors import sensed_in_march
 from beadwave.dem.lateral import LateralTrajectory
 from beadwave.dem.prepared import prepare
-from beadwave.dem.shakers import ShakerForces
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.stages.chain import sensor_signals as signals
 from beadwave.workflows.stages.chain.chain import Start
 from beadwave.workflows.stages.chain.damping import damping
-from beadwave.workflows.stages.chain.friction import last_sphere
+from beadwave.workflows.stages.chain.friction import last_sphere, shaker_forces
 from beadwave.workflows.stages.chain.walls import pressed_off_its_springs
 
 if TYPE_CHECKING:
@@ -82,16 +81,6 @@ def wall_along(scene: Scene, wall: SpatialWall) -> dem.Wall:
     """The structure along its normal, as a wall of the chain."""
     residual = float(wall.residual_compliance[0, 0])
     return dem.Wall(wall.omega, wall.zeta, np.ascontiguousarray(wall.phi[:, 0]), residual)
-
-
-def shaker_forces(scene: Scene) -> ShakerForces:
-    """Forces of the scene's shakers; of a given motion the force on its stinger."""
-    shakers = scene.shakers or ()
-    return ShakerForces(
-        np.array([shaker.force_amplitude for shaker in shakers]),
-        np.array([shaker.frequency for shaker in shakers]),
-        np.radians([shaker.phase for shaker in shakers]),
-    )
 
 
 def march(scene: Scene, start: Start, wall: SpatialWall) -> SpatialRun:

@@ -6,7 +6,7 @@ weights at the contact, a plain mean under a shaker or a sensor.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,13 @@ def bodies_of_faces(model: fem.Model) -> dict[str, str]:
     }
 
 
+def functionals(scene: Scene, model: fem.Model, places: Sequence[Place]) -> NDArray[np.float64]:
+    """(n, p) `functional` of each place. Raises InvalidScene as it."""
+    bodies = bodies_of_faces(model)
+    columns = [functional(scene, model, bodies, place) for place in places]
+    return np.reshape(columns, (len(places), -1)).T if columns else np.zeros((model.T.shape[1], 0))
+
+
 def with_functionals(
     scene: Scene,
     model: fem.Model,
@@ -79,9 +86,9 @@ def with_functionals(
         return reduced
 
     # w of each: directions across the contact, then discs of shakers, then discs of sensors
-    bodies = bodies_of_faces(model)
-    on_faces = [functional(scene, model, bodies, place) for place in shakers + sensors]
-    B = np.column_stack([*(patch.w for patch in across), *on_faces])
+    B = np.column_stack(
+        [*(patch.w for patch in across), functionals(scene, model, shakers + sensors)]
+    )
     reduced, columns = rom.with_columns(reduced, model.K, model.M, B, options=options, **solver)
     split = np.split(columns, [len(across), len(across) + len(shakers)], axis=1)
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
-from beadwave.workflows.scene.places import chain_face, sensor_places
+from beadwave.workflows.scene.places import chain_face, sensor_places, shaker_places
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import solid
-from beadwave.workflows.stages.structure.functionals import bodies_of_faces, functional
+from beadwave.workflows.stages.structure.functionals import functionals
 from beadwave.workflows.stages.structure.loss_factors import strain_of
 from beadwave.workflows.stages.structure.meshed_parts import Parts
 from beadwave.workflows.stages.structure.reduction import names, targets_kept
@@ -119,11 +119,10 @@ def reduction(
         direction=tuple(contacts.direction[0].tolist()),
     )
     chains, places = [row.name for row in scene.chains], sensor_places(scene)
+    shakers = [place.name for place in shaker_places(scene)]
     tangents = [f"{chains[i]}, t{k}" for i in contacts.rubbing for k in (1, 2)]
-    others = (*chains[1:], *tangents)
-    bodies = bodies_of_faces(model)
-    sensed = [functional(scene, model, bodies, place) for place in places]
-    w = np.column_stack([contacts.columns, *sensed])
+    others = (*chains[1:], *tangents, *shakers)
+    w = np.hstack([with_shakers(scene, model, contacts), functionals(scene, model, places)])
     reduced = reduced_to(scene, model, modes, w, others, struck, factor)
     if not places:
         return reduced
@@ -133,6 +132,12 @@ def reduction(
     load, sense = np.split(reduced.finer.columns.load, [len(others)], axis=1)
     finer = reduced.finer._replace(columns=rom.Columns(load=load, sense=sense))
     return reduced._replace(columns=columns, finer=finer)
+
+
+def with_shakers(scene: Scene, model: fem.Model, contacts: ChainContacts) -> NDArray[np.float64]:
+    """(n, p + 2 m + s) the contacts' columns, and those of s shakers behind them. Raises
+    InvalidScene for a shaker whose disc leaves its face."""
+    return np.hstack([contacts.columns, functionals(scene, model, shaker_places(scene))])
 
 
 def reduced_to(
