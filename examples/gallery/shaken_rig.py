@@ -29,10 +29,9 @@ from beadwave.dem.shakers import ShakerForces
 from beadwave.dem.spheres import hertz_overlap
 from beadwave.workflows.scene import Scene
 from beadwave.workflows.stages.chain.chain import Start
-from beadwave.workflows.stages.chain.friction import ALL_STICKS, last_sphere
+from beadwave.workflows.stages.chain.friction import ALL_STICKS, last_sphere, shaker_forces
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
-from beadwave.workflows.stages.structure.friction import shaker_forces
 
 
 class ShakenRig(NamedTuple):

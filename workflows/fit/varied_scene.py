@@ -86,8 +86,7 @@ class VariedScene(NamedTuple):
 
     def rubbed(self, rig: Rig, scene: Scene) -> Rig:
         """The rig with the friction, the arm and the shakers of a scene."""
-        from beadwave.workflows.stages.chain.friction import last_sphere
-        from beadwave.workflows.stages.structure.friction import shaker_forces
+        from beadwave.workflows.stages.chain.friction import last_sphere, shaker_forces
 
         begin = Start(rig.chain, rig.v0, flat=flat(on_surface(scene, self.surface)))
         across = self.rubbing._replace(last=last_sphere(scene, begin))
@@ -208,7 +207,7 @@ def keys_of_structure(
 
 def _rubbing(scene: Scene, wall: SpatialWall) -> RubbingSurface:
     """Friction on a structure as the scene has it; the last sphere is that of a rig's chain."""
-    from beadwave.workflows.stages.structure.friction import shaker_forces
+    from beadwave.workflows.stages.chain.friction import shaker_forces
 
     shakers = shaker_forces(scene) if scene.shakers else None
     return RubbingSurface(wall, None, shakers, scene.friction.upstream == "held")

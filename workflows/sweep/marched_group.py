@@ -133,10 +133,12 @@ def _one_by_one(
             error_time = np.nan if run.error_estimate is None else run.error_estimate
             if scene.friction:
                 # the motion across is loaded by scenes that have one
-                from beadwave.workflows.stages.chain.friction import friction, friction_numbers
+                from beadwave.workflows.stages.chain.friction import friction, numbers_across
 
                 lateral = friction(scene, first, wall, result)
-                numbers = friction_numbers(scene, first, result, lateral)
+                numbers = numbers_across(
+                    scene, first, result.trajectory, lateral, lateral.dt, lateral.error_estimate
+                )
                 error_time += lateral.error_estimate
                 values = (
                     numbers.peak_friction_N, numbers.surface_velocity_ratio, numbers.dissipated_J,
