@@ -265,7 +265,31 @@ def test_look_shows_the_joint_and_warns_of_a_preload_near_the_proof_load(table, 
 def test_look_foretells_the_limits_of_bolted_joints_too(capsys):
     """Three other sets of modes: of the built-in plates 44 to 48 s of a core were measured."""
     assert beadwave("look", "bolted-plates", "--json") == 0
-    assert 24 < json.loads(capsys.readouterr().out)["seconds"] < 90
+    answer = json.loads(capsys.readouterr().out)
+    assert 24 < answer["seconds"] < 90
+    assert answer["amplitude_seconds"] is None
+
+
+@pytest.mark.parametrize(
+    ("thickness", "modes_s", "loops_s"),
+    [(0.001, 10.8, 9.5), (0.003, 8.5, 12.8), (0.01, 15.1, 10.4)],
+)
+def test_look_foretells_the_loops_over_amplitude_of_thin_plates(
+    thickness, modes_s, loops_s, tmp_path, capsys
+):
+    """Seconds of a core that modes of these plates took, and the loops of `--amplitude` beside."""
+    tables = plates({"model": "contact"})
+    for body in tables["bodies"].values():
+        body["plate"] = body["plate"] | {"thickness": thickness}
+    tables["bodies"]["right"]["at"] = [0.0, 0.0, thickness]
+    scene = tmp_path / "plates.toml"
+    scene.write_text(toml(resolved(tables, "plates.toml")))
+    assert beadwave("look", str(scene), "--json") == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert modes_s / 2 < answer["seconds"] < 2 * modes_s
+    assert loops_s / 2 < answer["amplitude_seconds"] < 2 * loops_s
+    assert beadwave("look", str(scene)) == 0
+    assert re.search(r"modes --amplitude takes some 1\d s more", capsys.readouterr().out)
 
 
 @pytest.mark.slow

@@ -16,9 +16,14 @@ from beadwave.geometry.drawing import meshed as drawn_meshes
 from beadwave.workflows.report.tables import aligned_text
 from beadwave.workflows.scene import InvalidScene, Scene
 from beadwave.workflows.scene.body_shapes import grid_lines
-from beadwave.workflows.scene.rules.size import foreseen_seconds, peak_memory, too_large_mesh
+from beadwave.workflows.scene.rules.size import (
+    foreseen_loop_seconds,
+    foreseen_seconds,
+    peak_memory,
+    too_large_mesh,
+)
 from beadwave.workflows.scene.toml import resolved
-from beadwave.workflows.stages.engine.stage_table import has_bolts
+from beadwave.workflows.stages.engine.stage_table import has_bolts, in_contact
 from beadwave.workflows.stages.pages.pictures import fixtures_of_faces
 from beadwave.workflows.stages.structure.assembly import mesh
 from beadwave.workflows.stages.structure.bodies import (
@@ -123,6 +128,7 @@ class Look(BaseModel):
     unknowns: int | None = None  # about, of a run: less what ties, joints and supports take
     memory_bytes: float
     seconds: float
+    amplitude_seconds: float | None = None  # of modes --amplitude, beside these; faces in contact
     remarks: list[str]
 
     def text(self) -> str:
@@ -195,6 +201,9 @@ class Look(BaseModel):
             f"modes and reduction take some {seconds:g} s of one core and "
             f"{self.memory_bytes / 1e9:.2g} GB, within a factor of 2"
         )
+        if self.amplitude_seconds is not None:
+            loops = float(f"{self.amplitude_seconds:.2g}")
+            price += f"; modes --amplitude takes some {loops:g} s more"
         if not self.meshed:
             cost = f"Some {float(f'{self.dofs:.1e}'):,.0f} dofs, foreseen without a mesh; {price}."
             return "\n".join([*lines, "", cost, *self.remarks])
@@ -335,6 +344,7 @@ def look(
         unknowns=(dofs - constrained_dofs(parts)) if parts else dofs if whole else None,
         memory_bytes=peak_memory(scene, nodes),
         seconds=foreseen_seconds(nodes, bounded=whole and has_bolts(scene)),
+        amplitude_seconds=foreseen_loop_seconds(nodes) if whole and in_contact(scene) else None,
         remarks=remarks + heavy + overloaded + large + chosen,
     )
     return LookContents(report, scene, whole, parts, surfaces, fixtures, start, page)

@@ -48,6 +48,12 @@ SOLUTION_SECONDS = 1.4e-5  # s, over N^(4/3)
 # times that with bolts of a drawing, whose frequencies have three other sets of modes as limits and
 # spreads: of three scenes of 34,000 to 72,000 unknowns, on springs and in contact, 2.4 to 3
 BOUNDED = 2.6
+# and these beside [s]: of two plates of 1, 3 and 10 mm with 5,900 to 9,900 unknowns, in contact and
+# on springs, 3 to 14 s beyond that were measured
+BOUNDED_START = 6.0
+# of `modes --amplitude` [s], beside those of the modes: steps of loops of six modes, and their rows
+# of the interface's compliance; 156 to 1142 facets, 0.014 to 0.04 of the unknowns, took 9.5 to 18 s
+LOOPS_START, LOOPS_OF_FACETS, FACETS = 10.0, 6e-6, 0.03
 ELEMENT_GROWTH = (
     1.7  # of neighbouring elements away from the contact (`geometry.meshing.grid_lines`)
 )
@@ -159,7 +165,14 @@ def foreseen_seconds(nodes: dict[str, float], *, bounded: bool = False) -> float
     """Seconds of mesh, modes and reduction on one core, within a factor of 2; with `bounded` those
     of the limits and spreads of bolted joints too."""
     solution = SOLUTION_SECONDS * (3.0 * sum(nodes.values())) ** (4 / 3)
-    return START_SECONDS + (BOUNDED if bounded else 1.0) * solution
+    if bounded:
+        return START_SECONDS + BOUNDED_START + BOUNDED * solution
+    return START_SECONDS + solution
+
+
+def foreseen_loop_seconds(nodes: dict[str, float]) -> float:
+    """Seconds on one core that `modes --amplitude` takes beyond the modes, within a factor of 2."""
+    return LOOPS_START + LOOPS_OF_FACETS * (FACETS * 3.0 * sum(nodes.values())) ** 2
 
 
 def gigabytes(n_bytes: float) -> str:
