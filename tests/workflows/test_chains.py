@@ -363,6 +363,8 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"shakers": [SHAKER], "preload": {"force": 10.0},
           "output": {"sensors": [{"on": "plate:+y", "quantity": "velocity"}]}},
          "output.sensors on the structure are not computed"),
+        ({"shakers": [SHAKER | {"on": "plate:-x"}], "preload": {"force": 10.0}},
+         "shakers.motor: 'plate:-x' is held fast in that direction"),
         ({"friction": {"coefficient": 0.1, "upstream": "held"}},
          r"friction.upstream is of chains below which shakers move; add \[\[shakers\]\]"),
         ({"chains": [TOP | {"count": 200_000}, TOP | {"name": "end", "count": 200_000,

@@ -26,8 +26,8 @@ def functional(
 ) -> NDArray[np.float64]:
     """(n,) mean displacement of a disc on a face in a direction; "normal" is out of the face.
 
-    bodies[face] is the body of a named face. Raises InvalidScene where the disc leaves the face, or
-    the face is not plane.
+    bodies[face] is the body of a named face. Raises InvalidScene where the disc leaves the face,
+    the face is not plane, or is held.
     """
     face = f"{bodies[place.face]}:{place.face}"
     try:
@@ -47,7 +47,13 @@ def functional(
     else:
         axis = AXES.get(place.direction, place.direction)
         direction = np.array(axis, float) / np.linalg.norm(axis)
-    return model.T.T @ (direction @ patch.mean)
+    column = model.T.T @ (direction @ patch.mean)
+    if not column.any():
+        raise InvalidScene(
+            f"{scene.name}: {place.key}: {place.on!r} is held fast in that direction; choose "
+            f"another face by {place.key}.on, or another direction."
+        )
+    return column
 
 
 def bodies_of_faces(model: fem.Model) -> dict[str, str]:
