@@ -245,6 +245,34 @@ def test_saddles_on_a_bar_carry_the_bolt_and_have_frequencies_of_their_springs(
         assert one.frictionless_hz < one.frequency_hz < one.tied_hz
 
 
+def cone_in_its_seat(occ):
+    """A truncated cone in a block, and one hole through both."""
+
+    def hole():
+        return occ.addCylinder(0, 0, -0.01, 0, 0, 0.05, 0.0045)
+
+    def cone():
+        return occ.addCone(0, 0, 0.01, 0, 0, 0.02, 0.004, 0.021)
+
+    block = occ.addBox(-0.03, -0.03, 0, 0.06, 0.06, 0.025)
+    occ.cut([(3, block)], [(3, cone()), (3, hole())])
+    occ.cut([(3, cone())], [(3, hole())])
+
+
+def test_springs_of_bolts_are_not_those_of_conical_faces(tmp_path, monkeypatch):
+    """Springs gave 8.8 kHz within 6 %, the contact 16.9 kHz; with it the scene goes on."""
+    monkeypatch.chdir(tmp_path)
+    scene = clamped()
+    scene["assembly"] |= {"step": step("cone.step", cone_in_its_seat), "held": ["body-1:-z"]}
+    scene["joints"][0] |= {"between": "body-1|body-2"}
+    del scene["joints"][0]["stack"]
+    with pytest.raises(InvalidScene, match=r'presses conical faces .* take model = "contact"'):
+        through(scene, "mesh")
+    scene["joints"][0]["model"] = "contact"
+    (mesh,) = through(scene, "mesh")
+    assert len(mesh.contacts) == 1
+
+
 @pytest.mark.slow
 def test_head_and_nut_stand_on_plane_faces(tmp_path, monkeypatch):
     """Of a bolt whose nut would stand on the bar."""
