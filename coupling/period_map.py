@@ -255,7 +255,7 @@ def fixed_point(
 
 
 def step_of(M: Array, weights: Array, residual: Array) -> Array:
-    """(1 - M)^-1 residual (2 m,), of M and weights (2 m,) as of `linear_period`; the least one
+    """(1 - M)^-1 residual (2 m,), of M and weights (2 m,) as of `PeriodMap.linear`; the least one
     where a motion comes back of itself: of spheres that are held, or roll on the wall."""
     units = np.where(weights > 0.0, weights, 1.0)
     moves = weights > 0.0

@@ -647,6 +647,8 @@ def shot(
             order = 1.0 if two_directions else 2.0
             estimates.append(richardson(numbers.difference(coarse), search.refined, order))
             loop_error = richardson(abs(numbers.loop - coarse.loop), search.refined, order)
+        else:
+            estimates.append(math.inf)
         estimate = estimates[-1]
         if estimate <= search.share * error or (coarse is not None and n_periods > 1):
             break

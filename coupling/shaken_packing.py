@@ -61,7 +61,7 @@ class MovingPacking(NamedTuple):
     parts: kernel.Parts
 
     def copied(self) -> "MovingPacking":
-        """A copy in arrays of its own; what a march only reads is shared."""
+        """A copy in arrays of its own; what a march only reads is shared, and its working room."""
         springs, arms, plastic, modes = (
             getattr(self.parts, name) for name in ("springs", "arms", "plastic", "modes")
         )
@@ -366,23 +366,24 @@ def repeated(
     search: PeriodicSearch,
     tolerance: float,
     before: FixedPoint | None,
+    *,
+    at_rest: bool,
 ) -> FixedPoint | None:
-    """A state that a period brings back, from the one that an earlier search has found `before`, or
+    """A state that a period brings back, near `begin`, with the Jacobian of the search `before`, or
     from rest; None where no march is finite.
 
     From rest first by the linear system's own cycle: where contacts all but stick they are lightly
     damped resonators, in which levels of the shakers leave oscillations far beyond their cycle.
-    Where slip reaches far, that cycle may shear contacts more than the true one does, and levels
-    find it.
+    Where slip reaches far, that cycle may shear contacts more than the true one does, and the
+    search by rising levels finds it.
     """
-    if before is not None:
-        begins = [(begin.copied(), search, before.jacobian)]
-    else:
-        at_once = search._replace(levels=(), settling=0)
-        begins = [(linear_cycle(period, begin), at_once, None), (begin.copied(), search, None)]
+    at_once, jacobian = search._replace(levels=(), settling=0), before and before.jacobian
+    ways = (True, False) if at_rest else (False,)
     best = None
-    for start, how, jacobian in begins:
+    for linear in ways:
         try:
+            start = linear_cycle(period, begin) if linear else begin.copied()
+            how = search if at_rest and not linear else at_once
             point = fixed_point(period, start, how, tolerance, jacobian)
         except UnstableStep:  # a Newton step may lead to where spheres meet at any speed
             continue
@@ -402,7 +403,7 @@ def linear_cycle(period: PackingPeriod, at_rest: MovingPacking) -> MovingPacking
     return moving
 
 
-class Numbers(NamedTuple):
+class CycleNumbers(NamedTuple):
     """Numbers by which two cycles are compared."""
 
     speeds: Array  # of all bodies, over the largest
@@ -410,13 +411,13 @@ class Numbers(NamedTuple):
     heat: float  # of friction, over the shakers' work
     loops: Array  # (m,) [J] of friction in each contact
 
-    def difference(self, other: "Numbers") -> float:
+    def difference(self, other: "CycleNumbers") -> float:
         """Largest of all but the loops'."""
         pairs = zip(self[:-1], other[:-1], strict=True)
         return max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
 
 
-def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> Numbers:
+def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> CycleNumbers:
     """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and amplitudes of a
     contact at least LEAST_FORCE of its normal force at rest, and the way that this shears it."""
     speeds = period.speeds_of(saved)
@@ -425,7 +426,7 @@ def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> Numb
     force, way = (np.ptp(x, axis=0).max(axis=1, initial=0.0) for x in (saved.friction, saved.slip))
     springs = period.packing.springs
     if springs is None:
-        return Numbers(speeds / scale, np.zeros(0), 0.0, loops)
+        return CycleNumbers(speeds / scale, np.zeros(0), 0.0, loops)
     pressed = contact_forces_at_rest(period.packing, period.structure)[springs.contact]
     modulus, _, radius = springs.law
     depth = (pressed / period.packing.A[springs.contact]) ** (2.0 / 3.0)
@@ -434,7 +435,7 @@ def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> Numb
     both = np.maximum(force, least), np.maximum(way, least / np.where(k > 0.0, k, np.inf))
     work = period.work_scale(saved) or 1.0
     logs = np.log(np.maximum(np.concatenate(both), 1e-300))
-    return Numbers(speeds / scale, logs, float(loops.sum()) / work, loops)
+    return CycleNumbers(speeds / scale, logs, float(loops.sum()) / work, loops)
 
 
 class ShakenState(NamedTuple):
@@ -445,9 +446,10 @@ class ShakenState(NamedTuple):
     duration: float  # [s] of the cycle
     n_periods: int  # of the shakers until it comes back
     n_steps: int  # of the cycle
+    n_cells: int  # of each contact
     change: float  # from cycle to cycle, over the largest
     fastest: float  # [m/s] of all bodies
-    error_estimate: float  # of velocities over the largest, and of amplitudes and heat
+    error_estimate: float  # of velocities over the largest, amplitudes and heat; inf: unknown
     loop_errors: Array  # (m,) [J] of friction's heat in the cycle of each contact
     unbalanced: float  # [J] shakers' work less all losses of a period
 
@@ -459,18 +461,19 @@ def shaken_state(
     error: float,
     speed: float = 0.0,
     dt: float | None = None,
+    n_cells: int = CELLS,
     search: PeriodicSearch = USUAL_PERIODIC_SEARCH,
 ) -> ShakenState:
     """The state at t = 0 that the structure's shakers keep up, to an error: of velocities over the
     largest or `speed` [m/s], of amplitudes, at least 2 % of a contact's normal force, and of
-    friction's heat over the shakers' work. Or by
-    steps of dt [s] at most, whose error is not told.
+    friction's heat over the shakers' work. Or by steps of dt [s] at most with n_cells of each
+    contact, whose error is infinite: not known.
 
     From contacts that were pressed and never sheared. Raises UnstableStep where 200 periods, one
     after the other, lead to none.
     """
     rubs, rate = packing.springs is not None, fastest_rate(packing, np.zeros_like(packing.rest))
-    T, n_cells = structure.shakers.period, CELLS
+    T = structure.shakers.period
     n_steps = max(search.cycle_steps, math.ceil(T * rate / search.phase))
     if dt is not None:
         n_steps = max(search.cycle_saves, math.ceil(T / dt))
@@ -484,7 +487,7 @@ def shaken_state(
         period, begin = period_of(divided, structure, n_steps, search)
         if moving is not None:
             resume(state_of(*moving), *begin)
-        point = repeated(period, begin, search, tolerance, point)
+        point = repeated(period, begin, search, tolerance, point, at_rest=moving is None)
         if point is None:
             moving, change, impacting = begin, math.inf, False
         else:
@@ -495,7 +498,7 @@ def shaken_state(
             moving, saved, change, n_periods = marched_on(period, moving, speed, search, accepted)
 
         if dt is not None:
-            estimates, loop_errors = [0.0], np.full(saved.heat.shape[1], np.inf)
+            loop_errors = np.full(saved.heat.shape[1], np.inf)
             break
 
         # the error by the search before, if both come back after as many periods
@@ -504,6 +507,8 @@ def shaken_state(
         if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
             estimates.append(richardson(numbers.difference(coarse), search.refined, order))
             loop_errors = richardson(np.abs(numbers.loops - coarse.loops), search.refined, order)
+        else:
+            estimates.append(math.inf)
         if estimates[-1] <= search.share * error or (coarse is not None and n_periods > 1):
             break
         stuck = len(estimates) > 3 and estimates[-1] > search.hopeless * estimates[-3]
@@ -514,7 +519,7 @@ def shaken_state(
                 f"{n_steps} steps a period{why}; ask for a larger error"
             )
         coarse, n_steps, n_cells = numbers, math.ceil(n_steps * search.refined), 2 * n_cells
-    if not math.isfinite(estimates[-1]):
+    if dt is None and not math.isfinite(estimates[-1]):
         raise UnstableStep(
             f"the chains come back after {n_periods} periods of the shakers, and by other steps "
             "after another number: the error is unknown; change the shakers"
@@ -527,6 +532,7 @@ def shaken_state(
         duration=T * n_periods,
         n_periods=n_periods,
         n_steps=period.steps.n_save * period.steps.stride * n_periods,
+        n_cells=n_cells,
         change=change,
         fastest=float(np.abs(period.speeds_of(saved)).max()),
         error_estimate=estimates[-1] + change,
@@ -551,25 +557,24 @@ def march_shaken_rows(
     Strikers come as they would to a structure at rest, their place that of the next sphere at
     t = 0. Raises InvalidChain, and UnstableStep as `space.march_to_error`.
     """
-    start = struck(rows, before.state)
+    speed = max(float(np.linalg.norm(rows.velocity, axis=1).max()), before.fastest)
+    start = struck(rows, before.state)._replace(speed=speed)
     run = {"duration": duration, "n_save": n_save}
     arguments = rows.packing, structure, start
     if dt is not None:
         return march(*arguments, dt=dt, **run)
 
-    # the error is shared by both, half of it at least is the march's, of which it is one over the
-    # speeds at t = 0; that of the periodic state is one of each motion and force
-    at_start = float(np.linalg.norm(start.motion.v, axis=1).max())
-    speed = max(float(np.linalg.norm(rows.velocity, axis=1).max()), before.fastest)
+    # the march takes what the periodic state leaves of the error, at least half of it; the state's
+    # own is an error of each motion and force
     of_march = max(error - before.error_estimate, 0.5 * error)
-    found = march_to_error(*arguments, error=of_march * speed / at_start, **run)
+    found = march_to_error(*arguments, error=of_march, **run)
     share, errors = before.error_estimate, found.errors
     errors = SpaceErrors(
         errors.displacement + share * float(np.ptp(found.displacement, axis=0).max()),
         errors.velocity + share * speed,
         errors.pair_force + share * float(np.ptp(found.pair_force, axis=0).max()),
     )
-    stated = found.error_estimate * at_start / speed + before.error_estimate
+    stated = found.error_estimate + before.error_estimate
     return found._replace(error_estimate=stated, errors=errors)
 
 
@@ -584,7 +589,7 @@ def with_cycles(runs: Sequence[RowRun], rows: Rows, before: ShakenState) -> tupl
             continue
         last = np.flatnonzero(rows.row == i)[-1]
         m = int(np.flatnonzero(packing.springs.contact == rows.contact[last])[0])
-        slip = -saved.slip[:, m]  # of the sphere over the structure
+        slip = saved.slip[:, m]  # of the sphere, the first body, over the structure
         middle = 0.5 * (slip.max(axis=0) + slip.min(axis=0))
         sphere = saved.x.reshape(k, -1, 3)[:, last] @ packing.springs.frame[m].T
         cycle = Cycle(

@@ -13,7 +13,7 @@ from beadwave.dem.kernels.shaking import ModalShakerForces
 
 
 class ShakerForces(NamedTuple):
-    """Shakers push by force cos(2 pi frequency t + phase), (s,) each; t = 0 at the striker."""
+    """Shakers push by force cos(2 pi frequency t + phase), (s,) each, in a march from t = 0 on."""
 
     force: Array  # [N]
     frequency: Array  # [Hz]

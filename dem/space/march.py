@@ -81,6 +81,7 @@ class SpaceState(NamedTuple):
     plastic: Plastic | None
     q: Array | None  # (k,) [kg^1/2 m] of the structure's modes, from rest
     p: Array | None  # (k,)
+    speed: float = 0.0  # [m/s] over which errors are stated, if more than that of its spheres
 
 
 class SpaceErrors(NamedTuple):
@@ -134,7 +135,9 @@ class SpaceTrajectory(NamedTuple):
     dt: float  # [s]
     n_steps: int
     scheme: str
-    energy_error: float  # largest |energy_total - start| / kinetic energy there
+    # largest |energy_total - start| / kinetic energy there, or the largest that driven spheres and
+    # those of an earlier state have
+    energy_error: float
     error_estimate: float | None  # largest of `errors.velocity` over the scale; None: step given
     errors: SpaceErrors | None = None
 
@@ -202,7 +205,7 @@ def march(
             f"the state is not finite at t = {count * stride * steps.h:.4g} s with "
             f"dt = {steps.h:.4g} s; take a smaller dt"
         )
-    return trajectory(packing, out, steps, duration, method)
+    return trajectory(packing, out, steps, duration, method, begun=begin is not None)
 
 
 def prepared(
@@ -234,7 +237,7 @@ def state_of(motion: SpaceMotion, parts: kernel.Parts) -> SpaceState:
 
 
 def resume(state: SpaceState, motion: SpaceMotion, parts: kernel.Parts) -> None:
-    """Bring a march to a state; losses and works count from here on."""
+    """Bring a march to a state; losses, and the works of shakers and contacts, begin at 0."""
     for to, values in zip(motion, state.motion, strict=True):
         to[:] = values
     motion.lost[:] = motion.heat[:] = 0.0
@@ -269,9 +272,9 @@ def march_to_error(
     n_save: int = 1000,
     saved: ArrayLike | None = None,
 ) -> SpaceTrajectory:
-    """`march` whose velocities are off by less than `error` times the largest initial speed, and
-    whose ledger closes to a hundredth of it, with exact springs of friction to a fifth; `errors`
-    has those of each sphere and contact.
+    """`march` whose velocities are off by less than `error` times the largest speed at the start,
+    or that of a state, and whose ledger closes to a hundredth of it, with exact springs of friction
+    to a fifth; `errors` has those of each sphere and contact.
 
     Raises InvalidChain, UnstableStep where no march is finite or the error takes too much work.
     """
@@ -279,7 +282,8 @@ def march_to_error(
     v = validate(packing, v[:, :3] if v.ndim == 2 else v)
     positive("error", error)
     positive("duration", duration, " s")
-    speed = max(float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive) or 1.0
+    speed = max(float(np.linalg.norm(v, axis=1).max()), packing.fastest_drive)
+    speed = (max(speed, v0.speed) if isinstance(v0, SpaceState) else speed) or 1.0
     order = event_order(packing)
     run = {"duration": duration, "n_save": n_save, "saved": saved}
     step, coarse, spent = first_step(packing, v, duration), None, 0.0
@@ -352,7 +356,7 @@ def divided(
     while True:
         changes = SpaceErrors(*(SAFETY * x for x in largest_changes(packing, coarse, fine)))
         left_open = np.abs(fine.energy_total - coarse.energy_total).max()
-        left_open /= fine.energy_kinetic[0] or left_open or 1.0
+        left_open /= fine.energy_kinetic.max() or left_open or 1.0
         within = changes.velocity.max(initial=0.0) <= OF_CELLS * error * speed
         if within and left_open <= 0.5 * LEDGER_OF_SPRINGS * error:
             return packing, fine, changes
@@ -391,11 +395,12 @@ def marched_by(workers: int, march: CompiledFunction, task: tuple) -> int:
 
 
 def rounding(march: SpaceTrajectory) -> float:
-    """Energy that rounding alone may leave in the ledger, over the kinetic energy at the start: of
+    """Energy that rounding alone may leave in the ledger, over the largest kinetic energy: of
     tiny motions in a pressed packing that is much."""
     parts = (march.energy_contact, march.energy_wall_contact, march.energy_wall)
     stored = sum(float(np.abs(part).max()) for part in parts)
-    return 30.0 * float(np.finfo(float).eps) * stored / (march.energy_kinetic[0] or stored or 1.0)
+    scale = march.energy_kinetic.max() or stored or 1.0
+    return 30.0 * float(np.finfo(float).eps) * stored / scale
 
 
 def first_step(packing: Packing, v0: Array, duration: float) -> float:
@@ -573,9 +578,9 @@ def room(packing: Packing, spheres: Numbers, k: int, structure: Structure | None
 
 
 def trajectory(
-    packing: Packing, out: SpaceSaved, steps: Steps, duration: float, scheme: Scheme
+    packing: Packing, out: SpaceSaved, steps: Steps, duration: float, scheme: Scheme, *, begun: bool
 ) -> SpaceTrajectory:
-    """The trajectory of what a march saved."""
+    """The trajectory of what a march saved; of one that has `begun` with an earlier state."""
     k = len(out.energy)
     t = np.arange(k) * (duration / (k - 1))
     t[-1] = duration
@@ -584,8 +589,8 @@ def trajectory(
     pairs = packing.pairs[out.contacts]
     pairs = np.where(pairs < 0, pairs, row[np.maximum(pairs, 0)])
     energy = out.energy.T
-    # of a driven packing, at rest at the start, the largest it has
-    scale = energy[0, 0] if packing.driven is None else energy[0].max()
+    # of a driven packing, at rest at the start, and of one that swings, the largest it has
+    scale = energy[0].max() if packing.driven is not None or begun else energy[0, 0]
     scale = scale or np.abs(energy[-1]).max() or 1.0
     return SpaceTrajectory(
         t, out.spheres, out.u, out.v, out.spin, out.contacts, pairs, out.force, out.traction,

@@ -49,10 +49,11 @@ class Rows(NamedTuple):
 
 
 def before_striker(rows: Rows, upstream_held: Sequence[bool]) -> Packing:
-    """The rows before their strikers come, which stand still, their contacts left out; the others
-    of a row rest too but for the last where that is `upstream_held`.
+    """The packing with strikers held and their contacts open; with `upstream_held`, all but the
+    last sphere of that row are held as well.
 
-    Raises InvalidChain for a sphere that nothing holds while the structure moves.
+    Raises InvalidChain for a row that nothing presses on the structure, and for a sphere that
+    nothing holds while the structure moves.
     """
     packing, s = rows.packing, len(rows.row)
     held, overlap = np.zeros(s, bool), packing.overlap.copy()
@@ -61,6 +62,12 @@ def before_striker(rows: Rows, upstream_held: Sequence[bool]) -> Packing:
     for i, still in enumerate(upstream_held):
         held[np.flatnonzero(rows.row == i)[:-1]] |= still
     pressed = packing.overlap[rows.contact] > 0.0
+    for i, name in enumerate(rows.names):
+        require(
+            pressed[np.flatnonzero(rows.row == i)[-1]],
+            f"nothing presses the last sphere of {name} on the structure that the shakers move; "
+            "add a preload",
+        )
     sprung = np.isin(np.arange(s), packing.held.sphere)
     loose = ~held & ~sprung & ~pressed
     behind = np.flatnonzero((rows.row[1:] == rows.row[:-1]) & pressed[:-1]) + 1

@@ -7,7 +7,12 @@ from scipy.integrate import solve_ivp
 from beadwave import dem
 from beadwave.coupling.period_map import USUAL_PERIODIC_SEARCH
 from beadwave.coupling.shaken_march import march_shaken
-from beadwave.coupling.shaken_packing import march_shaken_rows, period_of, shaken_state
+from beadwave.coupling.shaken_packing import (
+    march_shaken_rows,
+    period_of,
+    shaken_state,
+    with_cycles,
+)
 from beadwave.coupling.spatial_march import body_of
 from beadwave.coupling.spatial_wall import spatial_wall_of_modes
 from beadwave.dem import space
@@ -57,7 +62,7 @@ def one_row(force, frequency, n, speed, residual=0.0, **fields):
     return space.rows_of([row], behind), behind, (spheres, wall, v, last, shakers)
 
 
-def frictionless(force, **fields):
+def frictionless(force):
     """Two rows at right angles that lean on a structure of four modes, struck by none."""
     shakers = shaker(force)
     behind = space.Structure(
@@ -65,7 +70,7 @@ def frictionless(force, **fields):
         load=LOAD, shakers=shakers,
     )  # fmt: skip
     rows = [
-        space.Row(chain(n, **fields), np.zeros(n), 0.1 * AXES[i], AXES[i], name=f"row {i}")
+        space.Row(chain(n), np.zeros(n), 0.1 * AXES[i], AXES[i], name=f"row {i}")
         for i, n in enumerate((3, 2))
     ]
     return space.rows_of(rows, behind), behind
@@ -96,6 +101,12 @@ def test_one_row_goes_as_one_chain(force, frequency, n, speed, residual):
         (row.v, one.run.trajectory.v), (row.across.sphere_t_v, one.run.lateral.sphere_t_v)
     ):  # fmt: skip
         np.testing.assert_allclose(mine_v, other, rtol=0, atol=limit)
+    (cycled,) = with_cycles([row], rows, before)
+    cycle, across = cycled.across.cycle, cycled.across
+    np.testing.assert_allclose(across.slip[0], cycle.slip[-1], atol=1e-5 * np.abs(cycle.slip).max())
+    middle = 0.5 * (cycle.friction_force[1:] + cycle.friction_force[:-1])
+    done = float(np.sum(middle * np.diff(cycle.slip, axis=0)))
+    assert done == pytest.approx(cycle.energy, rel=2e-3)
     loop, force = before.saved.heat[-1, 0] - before.saved.heat[0, 0], before.saved.friction[:, 0]
     assert loop == pytest.approx(one.before.heat, rel=2e-4)
     np.testing.assert_allclose(
@@ -221,6 +232,15 @@ def test_strikers_come_with_their_velocities_to_where_the_next_sphere_is():
     motion = space.struck(rows, state).motion
     np.testing.assert_allclose(motion.u[0], [0.0, 0.0, -3e-6])
     np.testing.assert_allclose(motion.v, [[0, 0, -0.2], [0, 0, 0], [0, 0, -0.01]])
+
+
+def test_a_row_that_nothing_presses_is_refused():
+    rows, _ = frictionless(1.0)
+    apart = rows.packing.overlap.copy()
+    apart[rows.contact[2]] = -1e-6
+    away = rows._replace(packing=rows.packing._replace(overlap=apart))
+    with pytest.raises(dem.InvalidChain, match="nothing presses the last sphere of row 0"):
+        space.before_striker(away, [False, False])
 
 
 def test_a_sphere_that_nothing_holds_is_refused():

@@ -363,6 +363,11 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
         ({"shakers": [SHAKER], "preload": {"force": 10.0},
           "output": {"sensors": [{"on": "plate:+y", "quantity": "velocity"}]}},
          "output.sensors on the structure are not computed"),
+        ({"shakers": [SHAKER], "preload": {"force": 10.0},
+          "contact": {"law": "thornton", "yield_pressure": 1e9}}, "has no periodic state"),
+        ({"shakers": [SHAKER], "gravity": {"direction": [0, 0, -1]},
+          "chains": [END | {"count": 1, "output": {"spheres": [1]}}], "output": {"samples": 101}},
+         "nothing presses the last sphere of end"),
         ({"shakers": [SHAKER | {"on": "plate:-x"}], "preload": {"force": 10.0}},
          "shakers.motor: 'plate:-x' is held fast in that direction"),
         ({"friction": {"coefficient": 0.1, "upstream": "held"}},
@@ -431,13 +436,11 @@ def test_shakers_move_the_structure_below_all_chains():
     assert state.unbalanced < 1e-2 * lost[-2]
     for i, (name, last) in enumerate((("top", 3), ("end", 6))):
         numbers = run.summary.chains[name].friction
-        force = state.saved.friction[:, i]
-        assert numbers.loop_tangential_N == pytest.approx(
-            0.5 * np.ptp(force, axis=0).max(), rel=1e-3
-        )
+        largest = 0.5 * np.ptp(state.saved.friction[:, i], axis=0).max()
+        assert numbers.loop_tangential_N == pytest.approx(largest, rel=5e-3)  # between instants
         assert numbers.loop_periods == 1 and numbers.state_at_impact in ("stick", "partial slip")
         assert a["v"][0, last] != 0.0
-    assert run.summary.errors.time <= 1e-4 and run.summary.energy_error < 1e-4
+    assert run.summary.chains["top"].errors.time <= 1e-4 and run.summary.energy_error < 1e-4
     assert np.ptp(a["energy_total"]) < 1e-4 * a["energy_kinetic"].max()
     assert 0.0 < run.summary.chains["top"].errors.reduction < 0.05
 

@@ -63,6 +63,11 @@ def of_chains(scene: Scene) -> Iterator[str]:
         contact = row.contact or scene.contact
         where = f"{key}.contact" if row.contact else "contact"
         yield from of_yield(contact, where, row.young)
+        if contact.law == "thornton" and scene.shakers:
+            yield (
+                f'{where}.law = "thornton" has no periodic state, as contacts yield on the way to '
+                'it; take "hertz" with [[shakers]].'
+            )
         if contact.law not in ("hertz", "thornton"):
             yield f'{where}.law = "{contact.law}" is not of [[chains]]; take "hertz" or "thornton".'
         lists = [

@@ -40,7 +40,7 @@ Direction = str | Annotated[tuple[Number, Number, Number], Field(strict=False)]
 
 
 class Shaker(SceneTable):
-    """Shakes by amplitude cos(2 pi frequency t + phase), t = 0 when the striker arrives."""
+    """Shakes by amplitude cos(2 pi frequency t + phase), t = 0 when the run starts."""
 
     name: Annotated[str, Field(pattern=r"^\w[\w-]*$", max_length=50)]  # by which keys call it
     # a face, "body:-x"; or "wall", all of a wall of a few numbers, or a shaker of wall.file
@@ -56,7 +56,7 @@ class Shaker(SceneTable):
     force: of(Positive, FORCE, 0, 1e5) | None = None  # [N] amplitude; of a structure
     # [N/m] between a motion and the face of a structure
     stinger: of(Positive, STIFFNESS) | None = None
-    phase: Annotated[float, Field(ge=-360, le=360)] = 0.0  # [degrees] when the striker arrives
+    phase: Annotated[float, Field(ge=-360, le=360)] = 0.0  # [degrees] when the run starts
 
     @property
     def on_face(self) -> bool:

@@ -171,19 +171,19 @@ def numbers_across(
     )
     if not lateral.cycle:
         return numbers
-    return numbers.model_copy(update=cycle_numbers(scene, run, lateral))
+    return numbers.model_copy(update=cycle_numbers(scene, start, run, lateral))
 
 
 def cycle_numbers(
-    scene: Scene, run: dem.Trajectory | RowRun, lateral: LateralTrajectory | AcrossRun
+    scene: Scene, start: Start, run: dem.Trajectory | RowRun, lateral: LateralTrajectory | AcrossRun
 ) -> dict[str, float | str | tuple[float, float] | None]:
     """Fields of `FrictionNumbers` of the periodic state, and of the instant at which a wave reaches
-    the wall: when its force first differs from that at rest by a hundredth of its rise."""
+    the wall: when its force first differs from that at the start by a hundredth of its rise."""
     # the instant at which the wave is at the wall, and the state that it meets there
     cycle = lateral.cycle
     force = run.contact_force[:, -1]
     rise = np.abs(force - force[0])
-    struck = bool(run.v[0].any()) and rise.max() > 0.0
+    struck = bool(np.any(start.velocity)) and rise.max() > 0.0
     at = int((rise >= ARRIVED * rise.max()).argmax()) if struck else 0
     stick = float(lateral.stick_share[at])
     states = {"open": force[at] <= 0.0, "gross slip": stick == 0.0, "stick": stick > ALL_STICKS}

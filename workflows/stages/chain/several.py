@@ -123,11 +123,11 @@ def _require_apart(scene: Scene, rows: space.Rows) -> None:
 
 
 def before(
-    scene: Scene, start: ChainsStart, structure: space.Structure, dt: float | None = None
+    scene: Scene, start: ChainsStart, structure: space.Structure, **steps: float
 ) -> ShakenState:
-    """The state that shakers keep up before the strikers come, to the scene's error or by steps of
-    dt [s]. Raises InvalidScene where a sphere is held by nothing, UnstableStep where there is
-    none."""
+    """The state that shakers keep up before the strikers come, to the scene's error or by `steps`,
+    dt [s] and n_cells. Raises InvalidScene for a chain that nothing presses on the structure and a
+    sphere that nothing holds, UnstableStep where there is none."""
     held = [bool(one.friction and one.friction.upstream == "held")
             for one in scene.of_each_chain.values()]  # fmt: skip
     try:
@@ -136,7 +136,7 @@ def before(
         raise InvalidScene(f"{scene.name}: [[shakers]]: {str(error).rstrip('.')}.") from None
     wanted = 1e-4 if scene.time.error is None else scene.time.error
     speed = float(np.linalg.norm(start.rows.velocity, axis=1).max())
-    return shaken_state(packing, structure, error=wanted, speed=speed, dt=dt)
+    return shaken_state(packing, structure, error=wanted, speed=speed, **steps)
 
 
 def march(
@@ -176,7 +176,7 @@ def march_at_step(
     time = {"duration": scene.time.duration, "dt": dt, "n_save": scene.output.samples - 1}
     if other is not None:
         of_cycle = min(other.duration / other.n_steps, 1.0 / float(structure.omega.max()))
-        state = before(scene, first, structure, of_cycle)
+        state = before(scene, first, structure, dt=of_cycle, n_cells=other.n_cells)
         return march_shaken_rows(first.rows, structure, state, **time)
     return space.march(first.rows.packing, structure, first.rows.velocity, **time)
 
@@ -223,15 +223,21 @@ def reduction_errors(
     full structure at all contacts together, up to any frequency."""
     finer = structure(scene, reduction.finer, contacts)
     again = march_at_step(scene, start, finer, march.dt / SHORTER, before)
-    return errors_of_difference(start, march, again, MARGIN)
+    return errors_of_difference(start, march, again, MARGIN, before)
 
 
 def errors_of_difference(
-    start: ChainsStart, march: space.SpaceTrajectory, again: space.SpaceTrajectory, share: float
+    start: ChainsStart,
+    march: space.SpaceTrajectory,
+    again: space.SpaceTrajectory,
+    share: float,
+    before: ShakenState | None,
 ) -> ChainsErrors:
-    """Errors of a march, as a share of its largest difference to another one of the same chains."""
+    """Errors of a march, as a share of its largest difference to another one of the same chains,
+    over the largest speed of strikers and of the state `before` them."""
     change = np.linalg.norm(again.velocity - march.velocity, axis=2).max(axis=0)
-    speed = float(np.linalg.norm(start.rows.velocity, axis=1).max()) or 1.0
+    speed = float(np.linalg.norm(start.rows.velocity, axis=1).max())
+    speed = max(speed, before.fastest if before else 0.0) or 1.0
     relative, row = share * change / speed, start.rows.row
     of_chains = tuple(float(relative[row == i].max()) for i in range(row[-1] + 1))
     return ChainsErrors(of_chains, max(of_chains))

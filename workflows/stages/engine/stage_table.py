@@ -237,7 +237,7 @@ def _shaken_wall(scene: Scene) -> Any:
 
 
 def _shaken_chains(scene: Scene) -> Any:
-    """Input of the same from the state on that shakers keep up."""
+    """Input of a march of several chains from the periodic state that shakers keep up."""
     return [_each_chain(scene), tables_of("shakers")(scene)]
 
 

@@ -29,7 +29,7 @@ def mesh_errors(
     again = several.march_at_step(
         scene, several.start(scene, places, structure), structure, march.dt, before
     )
-    return several.errors_of_difference(start, march, again, share)
+    return several.errors_of_difference(start, march, again, share, before)
 
 
 def structure_on_other_mesh(
