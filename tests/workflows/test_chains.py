@@ -440,7 +440,9 @@ def test_shakers_move_the_structure_below_all_chains():
         assert numbers.loop_tangential_N == pytest.approx(largest, rel=5e-3)  # between instants
         assert numbers.loop_periods == 1 and numbers.state_at_impact in ("stick", "partial slip")
         assert a["v"][0, last] != 0.0
+        np.testing.assert_allclose(a["cycle_friction_force"][:, i], state.saved.friction[:, i])
     assert run.summary.chains["top"].errors.time <= 1e-4 and run.summary.energy_error < 1e-4
+    assert a["cycle_t"][[0, -1]].tolist() == [-2e-3, 0.0]
     assert np.ptp(a["energy_total"]) < 1e-4 * a["energy_kinetic"].max()
     assert 0.0 < run.summary.chains["top"].errors.reduction < 0.05
 

@@ -137,6 +137,12 @@ def chains_arrays(
             if name not in ("dissipated_friction", "cycle")
         }
         arrays["rubbing"] = np.array([i for i, _ in across])
+        if (first := across[0][1].cycle) is not None:
+            cycles = [of_row.cycle._asdict() for _, of_row in across]
+            arrays |= {
+                f"cycle_{name}": np.stack([cycle[name] for cycle in cycles], axis=1)
+                for name in ("friction_force", "slip", "sphere_t", "stick_share")
+            } | {"cycle_t": first.t}
     if march.errors is not None:
         arrays |= {
             "error_x": march.errors.displacement,
