@@ -66,8 +66,9 @@ def compared(phi: np.ndarray, across: tuple[float, float], n: int) -> tuple[floa
 
 
 def shaken(force: float, frequency: float, n: int) -> tuple[float, ...]:
-    """The same of pressed chains on a wall that a shaker moves, from the periodic state on. Spheres
-    that meet others while they move across are apart by what the line turns, up to 2e-3."""
+    """Both marches of a pressed chain on a wall that a shaker moves, from the periodic state on, as
+    `compared`. Where spheres meet others that move across, the two differ by up to 2e-3: lines of
+    centres turn in one of them."""
     sprung = {"leaf_stiffness": np.full(n, 1e5)} if n > 1 else {}
     chain = dem.row_of_spheres(
         R, RHO, E, NU, count=n, flat=dem.Flat(E, NU), preload=20.0, **sprung

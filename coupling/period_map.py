@@ -83,7 +83,7 @@ class Moving(Protocol):
 
 
 class Saved(Protocol):
-    """What a period saves at k instants, a named tuple of arrays (k, ...)."""
+    """States saved over a period at k instants, a named tuple of arrays (k, ...)."""
 
     x: Array  # [m] of the spheres along their chains
     v: Array  # [m/s]

@@ -79,8 +79,8 @@ class MovingPacking(NamedTuple):
 
 
 class PackingCycle(NamedTuple):
-    """What a cycle saves at k instants: of s spheres, r directions of a structure, and m contacts
-    that rub by exact springs."""
+    """States saved over a cycle at k instants: of s spheres, r directions of a structure, c contacts,
+    and m of them that rub by exact springs."""
 
     x: Array  # (k, 3 s) [m] displacements
     v: Array  # (k, 3 s) [m/s]
@@ -96,7 +96,7 @@ class PackingCycle(NamedTuple):
 
 
 class Coordinates(NamedTuple):
-    """What is free to move: a displacements and b turns of spheres."""
+    """Free motions: a displacements and b turns of spheres."""
 
     sphere: Array  # (a,) which moves
     axis: Array  # (a, 3) unit vectors
@@ -567,25 +567,25 @@ def march_shaken_rows(
     # the march takes what the periodic state leaves of the error, at least half of it; the state's
     # own is an error of each motion and force
     of_march = max(error - before.error_estimate, 0.5 * error)
-    found = march_to_error(*arguments, error=of_march, **run)
-    share, errors = before.error_estimate, found.errors
+    trajectory = march_to_error(*arguments, error=of_march, **run)
+    share, errors = before.error_estimate, trajectory.errors
     errors = SpaceErrors(
-        errors.displacement + share * float(np.ptp(found.displacement, axis=0).max()),
+        errors.displacement + share * float(np.ptp(trajectory.displacement, axis=0).max()),
         errors.velocity + share * speed,
-        errors.pair_force + share * float(np.ptp(found.pair_force, axis=0).max()),
+        errors.pair_force + share * float(np.ptp(trajectory.pair_force, axis=0).max()),
     )
-    stated = found.error_estimate + before.error_estimate
-    return found._replace(error_estimate=stated, errors=errors)
+    stated = trajectory.error_estimate + before.error_estimate
+    return trajectory._replace(error_estimate=stated, errors=errors)
 
 
 def with_cycles(runs: Sequence[RowRun], rows: Rows, before: ShakenState) -> tuple[RowRun, ...]:
     """The runs of rows, those with friction with the cycle of their last sphere, from the middle of
     which slip counts."""
-    packing, saved, found = rows.packing, before.saved, []
+    packing, saved, completed = rows.packing, before.saved, []
     k = len(saved.stick)
     for i, run in enumerate(runs):
         if run.across is None:
-            found.append(run)
+            completed.append(run)
             continue
         last = np.flatnonzero(rows.row == i)[-1]
         m = int(np.flatnonzero(packing.springs.contact == rows.contact[last])[0])
@@ -607,5 +607,5 @@ def with_cycles(runs: Sequence[RowRun], rows: Rows, before: ShakenState) -> tupl
             energy_error=float(before.loop_errors[m]),
         )
         across = run.across._replace(slip=run.across.slip - middle, cycle=cycle)
-        found.append(run._replace(across=across))
-    return tuple(found)
+        completed.append(run._replace(across=across))
+    return tuple(completed)

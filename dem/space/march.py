@@ -73,7 +73,7 @@ OF_CELLS, MOST_CELLS = 0.5, 8192
 
 
 class SpaceState(NamedTuple):
-    """What a march leaves behind, and another one may begin with, by any step."""
+    """The state that a march has left, from which another one may begin, by any step."""
 
     motion: SpaceMotion
     springs: ContactSprings | None
