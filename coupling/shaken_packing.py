@@ -79,8 +79,8 @@ class MovingPacking(NamedTuple):
 
 
 class PackingCycle(NamedTuple):
-    """States saved over a cycle at k instants: of s spheres, r directions of a structure, c contacts,
-    and m of them that rub by exact springs."""
+    """States saved over a cycle at k instants: of s spheres, r directions of a structure and c
+    contacts, m of which rub by exact springs."""
 
     x: Array  # (k, 3 s) [m] displacements
     v: Array  # (k, 3 s) [m/s]

@@ -351,7 +351,7 @@ def test_the_command_prints_each_chain(capsys, tmp_path, own_folder):
     ("changes", "words"),
     [
         ({"wall": {"kind": "rigid"}}, r"\[wall\] is not of \[\[chains\]\]"),
-        ({"shakers": [SHAKER]}, "nothing presses the last sphere of chains.top on"),
+        ({"shakers": [SHAKER]}, "nothing presses the last sphere of chains.top on the structure"),
         ({"shakers": [SHAKER], "preload": {"force": 10.0}},
          'sphere 2 of top is held by nothing .* or with friction set its upstream'),
         ({"shakers": [SHAKER | {"on": "wall"}], "preload": {"force": 10.0}},

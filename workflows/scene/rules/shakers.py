@@ -125,8 +125,8 @@ def of_shakers(scene: Scene) -> Iterator[str]:
     for name, one in scene.of_each_chain.items():
         if not (_pressed(one) or scene.gravity):
             yield (
-                "[[shakers]] move a structure that nothing presses the last sphere of "
-                f"chains.{name} on; add chains.{name}.preload.force, or drop them."
+                f"nothing presses the last sphere of chains.{name} on the structure that "
+                f"[[shakers]] move; add chains.{name}.preload.force, or drop [[shakers]]."
             )
 
     # a common period

@@ -136,7 +136,10 @@ def before(
         raise InvalidScene(f"{scene.name}: [[shakers]]: {str(error).rstrip('.')}.") from None
     wanted = 1e-4 if scene.time.error is None else scene.time.error
     speed = float(np.linalg.norm(start.rows.velocity, axis=1).max())
-    return shaken_state(packing, structure, error=wanted, speed=speed, **steps)
+    try:
+        return shaken_state(packing, structure, error=wanted, speed=speed, **steps)
+    except dem.UnstableStep as error:
+        raise dem.UnstableStep(f"{scene.name}: [[shakers]]: {error}") from None
 
 
 def march(
