@@ -1,6 +1,7 @@
 """Joints whose faces are round: saddles, bars on plates, balls; by scenes as a user writes them."""
 
 import re
+from functools import partial
 
 import gmsh
 import meshio
@@ -245,32 +246,35 @@ def test_saddles_on_a_bar_carry_the_bolt_and_have_frequencies_of_their_springs(
         assert one.frictionless_hz < one.frequency_hz < one.tied_hz
 
 
-def cone_in_its_seat(occ):
-    """A truncated cone in a block, and one hole through both."""
+def cone_in_its_seat(occ, tip=0.004):
+    """A truncated cone in a block, and one hole through both; it stands on a floor of the radius
+    `tip` where that is wider than the hole."""
 
     def hole():
         return occ.addCylinder(0, 0, -0.01, 0, 0, 0.05, 0.0045)
 
     def cone():
-        return occ.addCone(0, 0, 0.01, 0, 0, 0.02, 0.004, 0.021)
+        return occ.addCone(0, 0, 0.01, 0, 0, 0.02, tip, 0.021)
 
     block = occ.addBox(-0.03, -0.03, 0, 0.06, 0.06, 0.025)
     occ.cut([(3, block)], [(3, cone()), (3, hole())])
     occ.cut([(3, cone())], [(3, hole())])
 
 
-def test_springs_of_bolts_are_not_those_of_conical_faces(tmp_path, monkeypatch):
+@pytest.mark.parametrize("tip", [0.004, 0.012])
+def test_springs_of_bolts_are_not_those_of_conical_faces(tip, tmp_path, monkeypatch):
     """Springs gave 8.8 kHz within 6 %, the contact 16.9 kHz; with it the scene goes on."""
     monkeypatch.chdir(tmp_path)
     scene = clamped()
-    scene["assembly"] |= {"step": step("cone.step", cone_in_its_seat), "held": ["body-1:-z"]}
+    drawn = step("cone.step", partial(cone_in_its_seat, tip=tip))
+    scene["assembly"] |= {"step": drawn, "held": ["body-1:-z"]}
     scene["joints"][0] |= {"between": "body-1|body-2"}
     del scene["joints"][0]["stack"]
     with pytest.raises(InvalidScene, match=r'presses conical faces .* take model = "contact"'):
         through(scene, "mesh")
     scene["joints"][0]["model"] = "contact"
     (mesh,) = through(scene, "mesh")
-    assert len(mesh.contacts) == 1
+    assert mesh.contacts
 
 
 @pytest.mark.slow

@@ -166,7 +166,7 @@ def placed(
                 f"bodies.{name}.material, or assembly.material for all."
             )
     ties = tied_pairs(scene, layout, selection)
-    bolted = bolted_places(scene, selection, bodies)
+    bolted = bolted_places(scene, selection, bodies, near.touching)
     in_contact = faces_in_contact(scene, layout, selection.jointed)
     joined = {frozenset(p.pair.split("|")) for p in (*bolted.values(), *in_contact)}
     pressed = [touch for touch in near.touching if frozenset(touch.bodies) in joined]

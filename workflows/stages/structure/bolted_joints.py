@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from beadwave import fem
+from beadwave.geometry.cad.contacts import TouchingPair
 from beadwave.geometry.cad.joints import JointPlace, NamedParts
 from beadwave.geometry.cad.patches import CurvedDisc, Disc
 from beadwave.geometry.cad.selectors import FaceSelection
@@ -55,8 +56,9 @@ class BoltedPlace(NamedTuple):
 
 
 def bolted_places(
-    scene: Scene, selection: NamedParts, bodies: Mapping[str, Body]
-) -> dict[int, BoltedPlace]:
+    scene: Scene, selection: NamedParts, bodies: Mapping[str, Body],
+    touching: Sequence[TouchingPair],
+) -> dict[int, BoltedPlace]:  # fmt: skip
     """The places of joints with a bolt, by their numbers in the selection, whose discs get the
     radius of the foot; raises InvalidScene for a bolt that does not fit, and for one whose hole
     has a rod of [[loads]] as well."""
@@ -86,7 +88,7 @@ def bolted_places(
         members += [_member(scene, key, table, p, 1, bodies, end=p is along[-1]) for p in along]
         interface = next(n for n, p in enumerate(along) if p is place)
         _require_no_rod(key, place, selection, bodies)
-        _require_no_cone(key, table, place, selection, bodies)
+        _require_no_cone(key, table, place, touching, bodies)
 
         preload, deviation = _preload(table)
         others = [p for _, p in numbered if p.faces != place.faces and p.bodies == place.bodies]
@@ -276,15 +278,18 @@ def _bearing_face(
 
 
 def _require_no_cone(
-    key: str, table: Bolts, place: JointPlace, selection: NamedParts, bodies: Mapping[str, Body]
-) -> None:
+    key: str, table: Bolts, place: JointPlace, touching: Sequence[TouchingPair],
+    bodies: Mapping[str, Body],
+) -> None:  # fmt: skip
     """Raise InvalidScene for springs of a bolt that presses conical faces: a cone in its seat is
     held across the bolt by pressure too, twice as high in frequency as the formulas say."""
     if table.model == CONTACT:
         return
-    for name in place.faces:
-        named = selection.patches[name.partition(":")[2]].on
-        if any(bodies[named.body].face(tag).kind == "cone" for tag in named.tags):
+    for touch in touching:
+        if set(touch.bodies) != set(place.bodies):
+            continue
+        pairs = [zip(touch.bodies, contact.faces, strict=True) for contact in touch.contacts]
+        if any(bodies[body].face(tag).kind == "cone" for pair in pairs for body, tag in pair):
             raise InvalidScene(
                 f"{key}.bolt presses conical faces of {' and '.join(place.bodies)}, whose springs "
                 'no formula gives; take model = "contact", or give the springs in place of the '
