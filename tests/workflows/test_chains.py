@@ -15,6 +15,7 @@ from beadwave.rom import full_order
 from beadwave.workflows.report.packing import unpacked
 from beadwave.workflows.report.page_data import page_data
 from beadwave.workflows.scene.places import sensor_places, shaker_places
+from beadwave.workflows.scene.toml import toml
 from beadwave.workflows.stages.chain.several import start
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
@@ -445,6 +446,25 @@ def test_shakers_move_the_structure_below_all_chains():
     assert a["cycle_t"][[0, -1]].tolist() == [-2e-3, 0.0]
     assert np.ptp(a["energy_total"]) < 1e-4 * a["energy_kinetic"].max()
     assert 0.0 < run.summary.chains["top"].errors.reduction < 0.05
+
+
+@pytest.mark.slow
+def test_cases_of_a_sweep_begin_with_the_cycle_of_their_own_shakers(tmp_path, capsys):
+    """A case has the force of a run of its own; one without a periodic state is told."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    shaken = {
+        "shakers": [SHAKER], "preload": {"force": 10.0}, "arm": {"stiffness": 1e6},
+        "friction": {"coefficient": 0.2, "upstream": "held"},
+        "time": {"duration": 4e-4, "error": 1e-4},
+    }  # fmt: skip
+    alone = beadwave.impact(TWO | shaken).summary.peak_wall_force_N
+    (tmp_path / "shaken.toml").write_text(toml(beadwave.scene(TWO | shaken)))
+    over = "--over=shakers.motor.force=20,4000"
+    assert command("sweep", str(tmp_path / "shaken.toml"), over, f"--out={tmp_path}/s") == 0
+    cases = parquet.read_table(tmp_path / "s" / "cases.parquet").to_pydict()
+    assert cases["wall_peak_force_N"][0] == pytest.approx(alone, rel=1e-4)
+    assert cases["status"] == ["done", "failed"]
+    assert "[[shakers]]: the s" in cases["message"][1]
 
 
 @pytest.mark.slow
