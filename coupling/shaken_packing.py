@@ -50,7 +50,9 @@ from beadwave.dem.space.structure import contact_forces_at_rest, residual_matric
 
 STICKS = 0.9  # share of a contact's area, from which on its cycle is near the linear one
 CELLS = 128  # of each contact at first, doubled with the steps
-LEAST_FORCE = 0.02  # of a contact's normal force, over which amplitudes are compared
+# of a contact's normal force, over which smaller amplitudes are compared: of a contact that all but
+# sticks, at 0.5 %, they change by 6e-5 of themselves still from 32,768 steps to 65,536
+LEAST_FORCE = 0.02
 SCHEME = SCHEMES["verlet"]
 
 

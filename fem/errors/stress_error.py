@@ -35,8 +35,8 @@ across the facets that end X, so that
 
 (of discontinuous elements: Leicht and Hartmann, Int. J. Numer. Meth. Fluids 56 (2008) 2111). In
 elements at faces whose traction is not known, held or bearing, the shares are those of the
-functions. Of all elements these gave 24 % to layers along the inner edge of an L, of which twice as
-many lower the error by 1 %.
+functions. Those of the functions in all elements gave 24 % of the energy to the layers along the
+inner edge of an L, although twice as many of these layers lower the error by 1 % only.
 """
 
 from collections.abc import Collection, Mapping, Sequence

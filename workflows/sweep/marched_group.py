@@ -179,7 +179,7 @@ def _several(checked: CheckedGroup, group: Group, shared: SharedWall) -> list[Ro
         try:
             scene = checked.base.with_values(group.values(i))
             at_rest = several.start(scene, shared.surface, shared.wall)
-            before = several.before(scene, at_rest, shared.wall) if scene.shakers else None
+            before = several.state_before(scene, at_rest, shared.wall) if scene.shakers else None
             run = several.march(scene, at_rest, shared.wall, before)
         except FAILURES as reason:
             finished.append(without_result(watched, (number,), FAILED, [sentence(reason)]))

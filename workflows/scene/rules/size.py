@@ -48,8 +48,8 @@ SOLUTION_SECONDS = 1.4e-5  # s, over N^(4/3)
 # times that with bolts of a drawing, whose frequencies have three other sets of modes as limits and
 # spreads: of three scenes of 34,000 to 72,000 unknowns, on springs and in contact, 2.4 to 3
 BOUNDED = 2.6
-# and these beside [s]: of two plates of 1, 3 and 10 mm with 5,900 to 9,900 unknowns, in contact and
-# on springs, 3 to 14 s beyond that were measured
+# [s] more than that: of two plates of 1, 3 and 10 mm with 5,900 to 9,900 unknowns, in contact and
+# on springs, 3 to 14 s were measured
 BOUNDED_START = 6.0
 # of `modes --amplitude` [s], beside those of the modes: steps of loops of six modes, and their rows
 # of the interface's compliance; 156 to 1142 facets, 0.014 to 0.04 of the unknowns, took 9.5 to 18 s

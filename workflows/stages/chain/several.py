@@ -122,7 +122,7 @@ def _require_apart(scene: Scene, rows: space.Rows) -> None:
             )
 
 
-def before(
+def state_before(
     scene: Scene, start: ChainsStart, structure: space.Structure, **steps: float
 ) -> ShakenState:
     """The state that shakers keep up before the strikers come, to the scene's error or by `steps`,
@@ -179,7 +179,7 @@ def march_at_step(
     time = {"duration": scene.time.duration, "dt": dt, "n_save": scene.output.samples - 1}
     if other is not None:
         of_cycle = min(other.duration / other.n_steps, 1.0 / float(structure.omega.max()))
-        state = before(scene, first, structure, dt=of_cycle, n_cells=other.n_cells)
+        state = state_before(scene, first, structure, dt=of_cycle, n_cells=other.n_cells)
         return march_shaken_rows(first.rows, structure, state, **time)
     return space.march(first.rows.packing, structure, first.rows.velocity, **time)
 

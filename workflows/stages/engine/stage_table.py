@@ -542,7 +542,7 @@ STAGES = (
         when=has_chains, kept=False, listed=False,
     ),
     Stage(
-        "chains-before", ".chain.several:before", _shaken_chains, ("chains", "structure"),
+        "chains-before", ".chain.several:state_before", _shaken_chains, ("chains", "structure"),
         when=shakes_chains,
     ),
     Stage(
