@@ -107,3 +107,11 @@ def plain(monkeypatch):
     from beadwave.dem.kernels.compiled import CompiledFunction
 
     monkeypatch.setattr(CompiledFunction, "__call__", lambda kernel, *given: kernel.py_func(*given))
+
+
+@pytest.fixture(params=["plain", pytest.param("compiled", marks=pytest.mark.slow)])
+def kernels(request):
+    """Kernels as plain Python, and compiled among the slow tests: a short march takes Python 0.1 to
+    2 s, and the compiler 3 to 7 s for arguments of other types than those of other tests."""
+    if request.param == "plain":
+        request.getfixturevalue("plain")

@@ -346,6 +346,7 @@ def test_a_sphere_that_rubs_on_the_one_before_takes_coulombs_work():
     assert run.energy_error < 1e-4
 
 
+@pytest.mark.slow
 def test_a_sphere_between_two_contacts_turns_as_a_roller():
     """Free to turn between the sphere before it and the wall, with friction enough at both: it
     rolls, and its centre moves by half of what the wall does."""

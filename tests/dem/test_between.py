@@ -54,6 +54,7 @@ def largest(first, second):
     return np.abs(first - second).max()
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("scene", SCENES)
 def test_samples_are_as_near_the_exact_run_as_the_ends_of_the_steps(scene):
     """300 steps: every tenth sample is an end. Between them contacts open and close."""
@@ -73,6 +74,7 @@ def test_samples_are_as_near_the_exact_run_as_the_ends_of_the_steps(scene):
     assert between.wall_q == pytest.approx(exact.wall_q, abs=1e-6)
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("scene", ["modes", "hunt-crossley"])
 def test_a_sampled_run_ends_in_the_state_of_its_last_step(scene):
     between, ends, _ = both(scene, DURATION / 300)
@@ -80,6 +82,7 @@ def test_a_sampled_run_ends_in_the_state_of_its_last_step(scene):
         assert (first == second).all()
 
 
+@pytest.mark.usefixtures("kernels")
 def test_more_samples_take_no_more_steps():
     chain, wall = SCENES["modes"]
     many, few = (
@@ -90,10 +93,11 @@ def test_more_samples_take_no_more_steps():
     assert many.step_report.evaluations <= 1.3 * few.step_report.evaluations
 
 
-def test_the_search_for_a_step_costs_less_than_the_march():
+@pytest.mark.parametrize("scenes", [["rigid"], pytest.param([*SCENES], marks=pytest.mark.slow)])
+def test_the_search_for_a_step_costs_less_than_the_march(scenes):
     """As a rule one march of longer steps beside the one given, whose error is as stated."""
     shares = []
-    for scene, error in product(SCENES, (1e-3, 1e-4, 1e-5)):
+    for scene, error in product(scenes, (1e-3, 1e-4, 1e-5)):
         chain, wall = SCENES[scene]
         saved = {"duration": DURATION, "n_save": 300}
         run, report = march_to_error(chain, wall, V0, error=error, **saved)
@@ -105,6 +109,7 @@ def test_the_search_for_a_step_costs_less_than_the_march():
     assert max(shares) < 1.5
 
 
+@pytest.mark.usefixtures("kernels")
 def test_forces_that_jump_and_modes_too_fast_for_a_polynomial_are_sampled_at_ends_of_steps():
     fast = MODES._replace(omega=np.array([0.3, 1.1, 300.0]))
     jumps = ROW._replace(dissipation="linear-clipped", gamma=np.full(N, 0.05))
@@ -115,6 +120,7 @@ def test_forces_that_jump_and_modes_too_fast_for_a_polynomial_are_sampled_at_end
         assert run.n_steps == 100 and (run.v == exact.v).all()
 
 
+@pytest.mark.usefixtures("kernels")
 def test_samples_agree_with_an_integrator_of_another_kind():
     """Two spheres and a wall of one mode: velocities, and the largest force at the wall."""
     A, omega, phi = np.array([1.3, 1.7]), 0.8, 0.5
@@ -139,6 +145,7 @@ def test_samples_agree_with_an_integrator_of_another_kind():
     assert largest(run.wall_v, phi * exact[5]) < 1e-6
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize(("scene", "error"), [("dashpot", 1e-3), ("residual", 1e-5)])
 def test_no_less_than_a_thirtieth_of_the_error_asked_is_stated(scene, error):
     """By the short steps that the ledger asks for, two marches differ by less than that."""
@@ -150,6 +157,7 @@ def test_no_less_than_a_thirtieth_of_the_error_asked_is_stated(scene, error):
     assert run.error_estimate == report.error_estimate == error / 30
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_wall_of_too_many_modes_to_save_is_run_by_steps_that_end_at_the_samples():
     """Its modes are not kept, so that nothing lies between the ends of steps."""
     many = Wall(np.linspace(0.3, 3.0, 600), np.zeros(600), np.full(600, 0.02))

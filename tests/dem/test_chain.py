@@ -29,6 +29,7 @@ def test_discrete_wave_is_slower_than_nesterenkos_long_wave(long_chain):
     assert c / long_wave == pytest.approx(0.90747 / 0.91461, abs=1e-4)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_free_mass_as_wall_moves_like_one_more_bead():
     chain = row_of_spheres(0.010, 7780.0, 203e9, 0.3, count=10, flat=None)
     ten = march(chain, None, speeds(10), duration=5e-4, dt=2e-7, n_save=50)

@@ -158,7 +158,7 @@ def test_a_damper_behind_a_spring_works_on_the_indentation():
     assert missed[0] < works[0] / 50.0 < 0.02 * SPEED
 
 
-@pytest.mark.parametrize("scheme", ["suzuki4", "energy2"])
+@pytest.mark.parametrize("scheme", ["suzuki4", pytest.param("energy2", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", ["linear-clipped", "hunt-crossley"])
 def test_the_spring_behind_a_damper_is_the_same_to_every_scheme(scheme, law):
     """Their contacts part at other steps, by 2e-8 s: less than 1e-5 of the velocity."""

@@ -168,6 +168,7 @@ def test_explicit_and_implicit_schemes_meet_at_a_wall_with_modes_and_a_spring(na
     assert runs[0].energy_error < 1e-6
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("name", LAWED)
 @pytest.mark.parametrize("fields", [{}, {"leaf_stiffness": np.full(5, 2e5)}])
 def test_a_pressed_chain_stays_at_rest(name, fields):

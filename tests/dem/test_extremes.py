@@ -39,6 +39,7 @@ def controlled(chain, wall, v0, duration, **options):
         ).trajectory
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize(
     ("radius", "young", "speed"),
     [(0.0127, 210e9, 1e-6), (0.0127, 210e9, 100.0), (1e-6, 210e9, 1.0), (1.0, 1e6, 1.0)],
@@ -90,6 +91,7 @@ def test_any_damping(law, gamma):
     assert np.diff(run.dissipated_contact).min() >= -1e-12 * run.energy_total[0]
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("force", [1.0, 1e5])
 def test_any_preload(force):
     stiffness = 1e5 * np.eye(9)[0]
@@ -109,6 +111,7 @@ def test_fast_modes_do_not_pump_energy():
     assert run.v == pytest.approx(same.v, abs=1e-4 * 0.31)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_too_long_a_step_back_into_damping_is_refused():
     wall = Wall(np.array([1e7]), np.array([100.0]), np.array([1.0]))
     with pytest.raises(UnstableStep, match="scheme of order 2"):

@@ -204,6 +204,7 @@ def test_a_sphere_in_guides_slides_to_rest_as_coulomb_says_and_stays(pull):
     assert run.energy_error < 1e-6
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_weight_changes_what_a_contact_does_to_the_velocities():
     chain, wall = column(), MODES._replace(residual_compliance=0.0)
     n, k = N, wall.omega.size

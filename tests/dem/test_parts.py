@@ -61,6 +61,7 @@ def test_strong_damping_of_fast_modes_does_not_overflow():
     assert E[0, 1] == pytest.approx(np.exp(-1e8 / (1e3 + np.sqrt(1e6 - 1)) * 1e-3), rel=1e-6)
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("damped", [False, True])
 def test_energy_ledger_closes_with_every_part(damped):
     chain = unit_chain(
@@ -102,6 +103,7 @@ def test_dissipation_never_makes_energy_and_the_ledger_closes(law, gamma):
         assert pulls >= 0.0
 
 
+@pytest.mark.usefixtures("kernels")
 def test_linear_damping_of_two_closed_beads_is_the_damped_oscillator():
     # two equal beads squeezed between springs so hard that the contact is linear
     stiffness, gamma = 400.0, 0.3
@@ -134,12 +136,14 @@ def test_hunt_crossley_restitution_of_light_damping():
     assert 2 * lost[0] - lost[1] == pytest.approx(2 / 3, rel=1e-4)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_leaf_spring_swings_exactly():
     chain = unit_chain(1, leaf_stiffness=np.array([9.0]), leaf_anchor=np.array([0.5]))
     run = march(chain, None, np.ones(1), duration=10.0, dt=1.0, n_save=10)
     assert run.x[:, 0] == pytest.approx(0.5 + np.sin(3.0 * run.t) / 3.0, abs=1e-13)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_wall_mode_rings_exactly_after_the_impact():
     wall = one_dof_wall(0.5, 2.0, 0.1)
     run = march(unit_chain(1, 1.0), wall, np.ones(1), duration=20.0, dt=0.05, n_save=400)
@@ -151,6 +155,7 @@ def test_wall_mode_rings_exactly_after_the_impact():
     assert run.wall_x[-1] == pytest.approx(exact, abs=1e-13)
 
 
+@pytest.mark.usefixtures("kernels")
 @pytest.mark.parametrize("damped", [False, True])
 def test_static_state_stays(damped):
     law = dict(dissipation="hunt-crossley", gamma=np.full(5, 0.1)) if damped else {}
@@ -254,7 +259,15 @@ def test_order_while_contacts_stay_closed(name):
     assert errors[-1] < 1e-4
 
 
-@pytest.mark.parametrize("name", [s.name for s in SCHEMES.values() if s.kind[0] in "ci"])
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize(
+    "name",
+    ["verlet", "suzuki4", "energy2"]
+    + [
+        pytest.param(name, marks=pytest.mark.slow)
+        for name in ("leapfrog", "kahan-li6", "kahan-li8", "energy4")
+    ],
+)
 def test_composed_and_implicit_schemes_keep_their_order_with_damped_contacts(name):
     scheme = SCHEMES[name]
     steps = {2: (256, 512), 4: (64, 128), 6: (32, 48), 8: (24, 32)}[scheme.order]
@@ -268,6 +281,7 @@ def without_correction(monkeypatch):
         monkeypatch.setitem(SCHEMES, name, scheme._replace(correction=None))
 
 
+@pytest.mark.usefixtures("kernels")
 def test_march_reverses_in_time(monkeypatch):
     without_correction(monkeypatch)
     chain = unit_chain(
@@ -283,6 +297,7 @@ def test_march_reverses_in_time(monkeypatch):
     assert back.v[-1] == pytest.approx(-forward.v[0], abs=1e-10)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_two_halves_are_the_whole_bit_for_bit():
     chain, wall = unit_chain(6, 1.5), modal_wall(residual_compliance=0.1)
     full = march(chain, wall, speeds(6), duration=16.0, dt=2**-4, n_save=4)
@@ -293,6 +308,7 @@ def test_two_halves_are_the_whole_bit_for_bit():
     assert (full.wall_x[2:] == second.wall_x).all()
 
 
+@pytest.mark.usefixtures("kernels")
 def test_free_chain_keeps_its_momentum():
     chain = unit_chain(12, dissipation="hunt-crossley", gamma=np.full(11, 0.3))
     chain.mass[:] = np.linspace(0.5, 2.0, 12)
@@ -300,6 +316,7 @@ def test_free_chain_keeps_its_momentum():
     assert run.v @ chain.mass == pytest.approx(0.5, abs=1e-13)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_wall_that_takes_no_part_is_rigid_and_one_that_does_is_not():
     rigid = march(unit_chain(4, 1.5), rigid_wall(), speeds(4), duration=9.0, dt=0.05, n_save=20)
     still = modal_wall()._replace(phi=np.zeros(4))
@@ -370,6 +387,7 @@ def test_a_step_beyond_the_limit_is_refused():
     march(chain, rigid_wall(), speeds(5), duration=100 * limit, dt=0.5 * limit)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_fold_of_a_negative_residual_is_reported():
     wall = rigid_wall()._replace(residual_compliance=-0.9)
     with pytest.raises(UnstableStep, match="residual compliance"):
@@ -411,7 +429,8 @@ def test_bad_walls_velocities_and_times_are_refused():
         march(chain, wall, speeds(3), duration=1.0, dt=0.1, scheme="euler")
 
 
-@pytest.mark.parametrize("name", ["energy2", "energy4"])
+@pytest.mark.usefixtures("kernels")
+@pytest.mark.parametrize("name", ["energy2", pytest.param("energy4", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("law", ["none", "linear", "linear-clipped", "hunt-crossley"])
 def test_implicit_schemes_keep_energy_at_any_step(name, law):
     chain = unit_chain(

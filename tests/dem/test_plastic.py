@@ -15,6 +15,8 @@ from beadwave.dem import (
 )
 from beadwave.dem.spheres import contact_modulus, hertz_coefficient, max_pressure, yield_overlap
 
+pytestmark = pytest.mark.usefixtures("kernels")
+
 
 def speeds(n):
     return np.eye(n)[0]

@@ -113,7 +113,8 @@ def test_rubbing_networks_meet_dop853(seed):
     packing, v0 = rubbing_network(seed)
     speed = np.linalg.norm(v0, axis=1).max()
     run = space.march_to_error(packing, None, v0, duration=1.5e-4, error=1e-4, n_save=75)
-    _, v, spin = rubbing_reference(packing, v0, run.t)
+    # with steps of 2e-7 s at most it differs by 2e-13
+    _, v, spin = rubbing_reference(packing, v0, run.t, longest=1e-6)
     true = np.linalg.norm(run.velocity - v, axis=2).max() / speed
     assert true <= run.error_estimate <= 1e-4
     whirl = np.linalg.norm((run.angular_velocity - spin) * packing.radius[:, None], axis=2).max()

@@ -55,7 +55,12 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize("parts", PARTS)
+# each row is marched by code of its own, compiled in 5 to 17 s: one row of each kind is quick
+def one_quick(cases, quick):
+    return [case if case == quick else pytest.param(case, marks=pytest.mark.slow) for case in cases]
+
+
+@pytest.mark.parametrize("parts", one_quick(PARTS, "damped"))
 def test_a_row_that_feels_no_other_is_the_chain_on_its_wall(parts):
     """The other row's modes do not move its point: both engines within their errors."""
     apart = np.zeros((2, 8))
@@ -168,7 +173,7 @@ RUBBING = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", RUBBING)
+@pytest.mark.parametrize("case", one_quick(RUBBING, "on an arm"))
 def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     """Another march of the same contact: velocities, forces, slip, heat within both errors."""
     of_chain, of_wall, of_last = RUBBING[case]
@@ -215,7 +220,7 @@ def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     assert mine.energy_error < 0.2 * error
 
 
-@pytest.mark.parametrize("gamma", [0.0, 1.0])
+@pytest.mark.parametrize("gamma", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_row_that_rubs_is_marched_with_order_2(gamma):
     """An oblique impact that slips all over; with a damper, whose pressure bounds the slip, too."""
     fields = {"dissipation": "hunt-crossley", "gamma": gamma} if gamma else {}
@@ -241,6 +246,7 @@ def test_a_row_that_rubs_is_marched_with_order_2(gamma):
         assert 3.8 < np.abs(a - b).max() / np.abs(b - c).max() < 4.2
 
 
+@pytest.mark.slow
 def test_a_row_that_rubs_leaves_the_laws_of_others_alone():
     """Beside it a row that yields, damped by a linear damper: each as it is alone."""
     phi = np.zeros((4, 8))
