@@ -5,12 +5,17 @@
 process.
 """
 
+import sys
 from os import environ, sched_getaffinity
+from subprocess import CompletedProcess
 
 import pytest
 
 # before anything loads BLAS: its threads fight over the small blocks of sparse factors
 environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+environ.setdefault(
+    "BEADWAVE_PROCESSES", "1"
+)  # a second one imports for 2 s, and tests fill the cores
 pytest_plugins = ["signal_guard"]
 MOST_WORKERS = 8  # each holds up to 1 GB
 
@@ -99,6 +104,42 @@ def shared_cache(cache, tmp_path, monkeypatch):
     """The commands of a test keep their results there, and work in a folder of their own."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(cache))
     monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def blank_pictures():
+    """Pictures of structures are one grey point: the process that renders them takes 2 s."""
+    from PIL import Image
+
+    def drawn(module, *files, seconds):
+        for file in files:
+            if file.endswith(".png"):
+                Image.new("L", (1, 1), 128).save(file)
+        return CompletedProcess(module, 0)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("beadwave.workflows.stages.pages.pictures.child", drawn)
+        yield
+
+
+@pytest.fixture
+def files_read_here(monkeypatch):
+    """Files of CAD, meshes and numbers are read by their readers in this process: one of their own
+    loads gmsh for 0.7 s. Not for files on which a reader crashes or hangs."""
+    from beadwave.workflows.files import foreign, foreign_reader
+
+    def read(module, *arguments, seconds):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", [module, *arguments])
+            try:
+                foreign_reader.main()
+            except SystemExit as refused:
+                return CompletedProcess(module, refused.code)
+        return CompletedProcess(module, 0)
+
+    for limit in ("end_after_work", "limit_memory"):
+        monkeypatch.setattr(foreign_reader, limit, lambda _: None)
+    monkeypatch.setattr(foreign, "child", read)
 
 
 @pytest.fixture

@@ -105,6 +105,7 @@ def test_a_face_is_picked_by_its_name_in_plain_letters(tmp_path):
         assert faces("#Größe 'A' (#99)", cad.bodies).body == "part0"
 
 
+@pytest.mark.usefixtures("files_read_here")
 def test_a_scene_names_a_body_in_its_own_letters(tmp_path, capsys):
     path = boxes(tmp_path / "three.step", r"Welle \X\D850", "支架", "Träger ''A''/2 | x")
     (tmp_path / "mine.toml").write_text(

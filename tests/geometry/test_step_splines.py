@@ -100,6 +100,7 @@ def test_faces_written_as_splines_are_what_they_were(tmp_path, kind):
     assert read[4] == pytest.approx(given[4], rel=allowed)
 
 
+@pytest.mark.usefixtures("files_read_here")
 def test_a_scene_to_start_from_is_that_of_the_analytic_part(tmp_path, capsys):
     """Two holes of 9 mm in a plate, faces called body:+z and the like, meshes of one size."""
     reports = []

@@ -17,7 +17,7 @@ from beadwave.workflows.files.step import require_step
 
 from command_line import beadwave
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 
 SCENE = """
 materials.steel = {{ young = 210e9, poisson = 0.3, density = 7850.0 }}

@@ -33,7 +33,7 @@ from beadwave.workflows.structure.api import look
 
 from command_line import beadwave
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 
 spec = spec_from_file_location("theory", Path(__file__).parents[1] / "fem" / "test_theory.py")
 theory = module_from_spec(spec)
@@ -256,7 +256,14 @@ def drilled_block(occ):
     occ.cut([(3, block)], [(3, drill), (3, tip)])
 
 
-@pytest.mark.parametrize("made", [pointed_cone, ball, ring, drilled_block])
+@pytest.mark.parametrize(
+    "made",
+    [
+        pointed_cone,
+        ball,
+        *(pytest.param(made, marks=pytest.mark.slow) for made in (ring, drilled_block)),
+    ],
+)
 def test_a_look_at_a_round_body_draws_it_and_foretells_its_dofs(made):
     """The curvature of a cone has no bound at its apex, a ball has no edges to draw."""
     with session():

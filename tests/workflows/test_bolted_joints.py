@@ -409,12 +409,12 @@ def test_a_sweep_says_which_bolts_are_overloaded(dry, table, tmp_path, monkeypat
     """Of the worst case that is not refused, of every joint; nothing of bolts that bear it."""
     monkeypatch.chdir(tmp_path)
     of_sweep = ("sweep", str(table), "--set", "mesh.scale=3", *dry)
-    assert beadwave(*of_sweep, "--over", "joints.lap.preload=1e4,24e3,9e4", "--out", "first") == 0
+    assert beadwave(*of_sweep, "--over", "joints.lap.preload=24e3,9e4", "--out", "first") == 0
     shown = capsys.readouterr()
     text = " ".join((shown.out + shown.err).split())
     assert text.count("joints.lap: the preload is 113 % of the bolt's proof load") == 1
     assert "joints.lap.preload = 90000 N is 4.24 times the proof load" in text
-    assert beadwave(*of_sweep, "--over", "joints.lap.friction=0.1,0.2", "--out", "second") == 0
+    assert beadwave(*of_sweep, "--over", "joints.lap.friction=0.2", "--out", "second") == 0
     shown = capsys.readouterr()
     assert "proof load" not in shown.out + shown.err
 

@@ -14,7 +14,7 @@ from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from beadwave.workflows.stages.engine.progress import quiet
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 R, L = 0.02, 0.04  # m, of the bar
 E_STAR = 210e9 / (2 * (1 - 0.3**2))
 

@@ -19,7 +19,7 @@ from beadwave.workflows.files.mesh_reader import volumes_of
 
 from command_line import beadwave
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 
 INNER, OUTER, HEIGHT, DENSITY = 0.04, 0.05, 0.02, 7850.0
 RING = """
