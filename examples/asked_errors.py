@@ -29,6 +29,7 @@ Run it: python examples/asked_errors.py            seed 0, 12 structures
         python examples/asked_errors.py 7 5 3      of these those from number 3 on
         python examples/asked_errors.py a.step b.step
         ... --asked 0.02 --bound 100000 --even 0   one error, more unknowns, no even meshes
+        ... --split 0                              without true errors: what is met, and by what
         ... --to rows.jsonl                        appends to a file, without what it has already
 """
 
@@ -335,10 +336,22 @@ class Row(NamedTuple):
 
 def compared(
     scene: Scene, kind: str = "", asked_errors: tuple[float, ...] = ASKED,
-    scales: tuple[float, ...] = SCALES,
+    scales: tuple[float, ...] = SCALES, most_unknowns: float | None = None,
 ) -> Iterator[Row]:  # fmt: skip
+    most_unknowns = MOST_UNKNOWNS if most_unknowns is None else most_unknowns
     held = [pipeline_of(scene.but(mesh={"error": asked}), quiet) for asked in asked_errors]
     coarse = held[0]("mesh")
+    is_hex = any(isinstance(mesh, MeshHex) for mesh in coarse.meshes.values())
+    element = "hex" if is_hex else "tet"
+    if not most_unknowns:
+        for pipeline, asked in zip(held, asked_errors, strict=True):
+            adapted = pipeline("sizes")
+            yield Row(
+                scene.name, kind or scene.name, element, asked, adapted.stated,
+                adapted.bounded_by or "met", [m.unknowns for m in adapted.meshes],
+                np.nan, np.nan, [], [],
+            )  # fmt: skip
+        return
     points = {b: m.p[:, :: max(1, m.nvertices // 150)].T for b, m in coarse.meshes.items()}
 
     # the limit, and its own error: from the finest mesh that can be split twice, or once
@@ -352,8 +365,8 @@ def compared(
     )
     base = next(
         chain(
-            (p for p in middle if 64 * unknowns(p) <= MOST_UNKNOWNS),
-            (p for p in chain(middle, coarser) if 8 * unknowns(p) <= MOST_UNKNOWNS),
+            (p for p in middle if 64 * unknowns(p) <= most_unknowns),
+            (p for p in chain(middle, coarser) if 8 * unknowns(p) <= most_unknowns),
         ),
         None,
     )
@@ -361,13 +374,11 @@ def compared(
         print(f"{scene.name}: {unknowns(held[0])} unknowns are too many to be split")
         return
     of_base = base("mesh")
-    is_hex = any(isinstance(mesh, MeshHex) for mesh in of_base.meshes.values())
-    element = "hex" if is_hex else "tet"
     split: list[Goals] = []
     for times in range(3):
         meshes = {name: geometry.refined(m, times) for name, m in of_base.meshes.items()}
         parts = of_base._replace(meshes=meshes)
-        if times > 1 and 3 * sum(parts.nodes.values()) > MOST_UNKNOWNS:
+        if times > 1 and 3 * sum(parts.nodes.values()) > most_unknowns:
             break
         split.append(goals(scene, parts, points))
     finest = split[-1]
@@ -469,6 +480,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--asked", type=float, nargs="+", default=ASKED)
     parser.add_argument("--bound", type=int, default=BOUND)
     parser.add_argument("--even", type=int, default=len(SCALES), help="number of even meshes")
+    parser.add_argument("--split", type=float, help="most unknowns of a mesh that is split")
     parser.add_argument("--to", type=Path)
     args = parser.parse_args(words)
     rows = [] if args.to is None else rows_of(args.to)
@@ -490,7 +502,8 @@ def main(words: list[str] | None = None) -> None:
             if name in done:
                 continue
             try:
-                for row in compared(made(), kind, tuple(args.asked), SCALES[: args.even]):
+                scales = SCALES[: args.even]
+                for row in compared(made(), kind, tuple(args.asked), scales, args.split):
                     rows.append(row)
                     print(line(row), flush=True)
                     if args.to:
@@ -527,14 +540,15 @@ def summary(rows: list[Row]) -> str:
     whole = np.array([row.stated / row.true for row in rows if np.isfinite(row.true)])
     shares = [[row.share, row.least] for row in rows if np.isfinite(row.share)]
     share, least = np.reshape(shares, (-1, 2)).T
+    met = f"met by {sum(row.stated <= row.asked for row in rows)} of {len(rows)}"
     if not len(ratios):
-        return "none"
+        return met if rows else "none"
     return (
         f"{len(ratios)} numbers: stated over true {ratios.min():.2f} least, "
         f"{np.median(ratios):.2f} median, at least 0.9 of {np.mean(ratios >= 0.9):.1%}, 1 to 4 of "
         f"{np.mean((ratios >= 1) & (ratios <= 4)):.1%}; {len(whole)} meshes: "
-        f"{whole.min():.2f} least, {np.median(whole):.2f} median, met by "
-        f"{sum(row.stated <= row.asked for row in rows)} of {len(rows)}; unknowns over even "
+        f"{whole.min():.2f} least, {np.median(whole):.2f} median, {met}; "
+        "unknowns over even "
         + (f"{np.median(share):.2f} median of {len(share)}" if len(share) else "not compared")
         + (f", foreseen {np.median(least):.2f} at least" if len(share) else "")
     )

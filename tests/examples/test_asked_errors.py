@@ -25,6 +25,11 @@ def test_every_kind_is_drawn_in_both_elements(tmp_path):
         assert scenes[0].name == f"{kind.__name__}-{number}"
 
 
+def test_without_true_errors_it_says_what_is_met(tmp_path, capsys):
+    asked_errors.main(["0", "1", "--asked", "0.1", "--split", "0", "--even", "0"])
+    assert "met by 1 of 1" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_a_thick_cantilever_has_the_error_asked_for(tmp_path, monkeypatch):
     """Its row is kept in a file: a second call computes nothing."""

@@ -79,13 +79,28 @@ def draw_bushing(occ):
     occ.cut([whole], [(3, occ.addCylinder(0, 0, -R, 0, 0, 3 * R, 0.3 * R))])
 
 
-@pytest.mark.parametrize(("draw", "most"), [(draw_ball, 1e-3), (draw_bushing, 1e-3)])
-def test_faces_of_a_step_file_are_followed_where_chords_cut_them_short(draw, most, tmp_path):
+def draw_rounded_plate(occ):
+    """An extrusion: a plate with round corners and a bore near one of them."""
+    plate = occ.addRectangle(-3 * R, -2 * R, 0, 6 * R, 4 * R, roundedRadius=R)
+    (_, (_, whole), *_) = occ.extrude([(2, plate)], 0, 0, R)
+    occ.cut([(3, whole)], [(3, occ.addCylinder(2 * R, R, 0, 0, 0, R, 0.5 * R))])
+
+
+@pytest.mark.parametrize(
+    ("draw", "most", "kind"),
+    [
+        (draw_ball, 1e-3, MeshTet),
+        (draw_bushing, 1e-3, MeshTet),
+        (draw_rounded_plate, 1e-5, MeshHex),
+    ],
+)
+def test_faces_of_a_step_file_are_followed_where_chords_cut_them_short(draw, most, kind, tmp_path):
     step = step_file(tmp_path / "body.step", draw)
     off = []
     for curved in (False, True):
         bodies, meshes = bodies_and_meshes({}, step, curved)
         (body,), (mesh,) = bodies.values(), meshes.values()
+        assert isinstance(mesh, kind)
         off.append(abs(volume_of(mesh) / body.volume - 1))
     assert off[1] < most and off[1] < off[0] / 3
 
