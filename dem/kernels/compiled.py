@@ -10,6 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from beadwave.dem.kernels.kept_code import Entry
 
+# major and minor number of the newest numba whose insides `inner_compiler` is known to fit; a later
+# one compiles as it does by itself, a third longer
+NEWEST_NUMBA = (0, 68)
+
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 
 
@@ -41,7 +45,12 @@ class CompiledFunction:
         """The function as compiled ones call it: its code is part of theirs."""
         import numba
 
-        return numba.njit(no_cpython_wrapper=True, **self._options)(self.py_func)
+        options = self._options | {"no_cpython_wrapper": True}
+        if numba.version_info.short <= NEWEST_NUMBA:
+            from beadwave.dem.kernels.inner_compiler import InnerCompiler
+
+            options["pipeline_class"] = InnerCompiler
+        return numba.njit(**options)(self.py_func)
 
     @property
     def _numba_type_(self):

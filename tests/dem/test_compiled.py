@@ -19,7 +19,7 @@ from filelock import FileLock
 from beadwave import coupling, dem
 from beadwave.dem.kernels import kept_code as kept
 from beadwave.dem.kernels import laws
-from beadwave.dem.kernels.compiled import CompiledFunction, njit
+from beadwave.dem.kernels.compiled import NEWEST_NUMBA, CompiledFunction, njit
 
 PACKAGE = Path(dem.__file__).parents[1]
 ROOMS = (
@@ -217,6 +217,17 @@ def test_a_function_within_another_keeps_no_code_of_its_own(chosen):
         assert entry(20.5) == 42.0  # exact: small numbers of halves
         assert len(function.within.signatures) == 1
     assert not list(chosen.rglob("*twice*.nbc"))
+
+
+def test_a_function_within_another_has_no_machine_code_of_its_own(chosen):
+    """With a numba newer than is known it has, and the entry works."""
+    function = njit(error_model="numpy", inner=True, forceinline=True)(twice)
+    entry = njit(error_model="numpy")(one_more_than(function))
+    assert entry(20.5) == 42.0
+    (within,) = function.within.overloads.values()
+    engine = within.library.codegen._engine
+    is_newer = numba.version_info.short > NEWEST_NUMBA
+    assert engine.is_symbol_defined(within.fndesc.llvm_func_name) == is_newer
 
 
 def test_an_inner_function_called_from_python_runs_there():
