@@ -24,7 +24,7 @@ from beadwave.rom.fixed_interface import (
     whole_pencil,
 )
 from beadwave.rom.health import require_faithful
-from beadwave.rom.lanczos import EigenPairs, known_modes, lowest_modes, modes_below, no_modes
+from beadwave.rom.lanczos import known_modes, lowest_modes, modes_below, no_modes
 from beadwave.rom.reduced_model import ReducedModel, contact_functional, modal, of_modes
 from beadwave.rom.selection import Selection, require_selection
 from beadwave.rom.tall import gram, shares
@@ -71,15 +71,20 @@ def craig_bampton(
         problem, modes = whole_pencil(fixed), selection.modes
         retained = no_modes(len(w)) if modes is None else known_modes(problem, *modes)
         free, _, stated, finer_modes = contact_modes(problem, w, retained, selection)
-        phi = free.phi
+        # within T: a second matrix of their size was 0.3 GB at a million unknowns
+        T = np.empty((len(w), len(b) + len(free.omega)), order="F")
+        phi = T[:, len(b) :]
+        phi[:] = free.phi
+        del free
         for c in shares(phi.shape[1]):
             phi[:, c] -= Psi @ phi[b, c]
-        pairs = ritz_pairs(K, M, phi)
-        reduced = projected(fixed, C, pairs)
+        omega, phi = ritz_pairs(K, M, phi)
+        T[:, : len(b)] = Psi
+        reduced = projected(fixed, C, omega, T[:, : len(b) + len(omega)])
 
         # constraint modes and these span the free modes and their residual vector, whose error
         # bounds this one
-        n_static = static_shapes(modal(reduced).omega, pairs.omega.max(initial=0.0), to_hz)
+        n_static = static_shapes(modal(reduced).omega, omega.max(initial=0.0), to_hz)
         reduced = reduced._replace(error=stated, n_residual=n_static)
     else:
         # fixed-interface modes, K_ii phi = M_ii phi omega^2: the lowest; with an error, those up
@@ -93,7 +98,7 @@ def craig_bampton(
                 pairs = lowest_modes(inside, n_modes)
             phi = np.zeros((len(w), len(pairs.omega)))
             phi[i] = pairs.phi
-            reduced = projected(fixed, C, EigenPairs(pairs.omega, phi))
+            reduced = projected(fixed, C, pairs.omega, np.column_stack([Psi, phi]))
             if to_hz is not None:
                 reduced = reduced._replace(error=truncation_error(fixed, reduced, phi, to_hz))
             if error is None or reduced.error <= error:
@@ -112,15 +117,16 @@ def craig_bampton(
     return reduced
 
 
-def projected(fixed: FixedInterface, C: sp.csc_array | None, pairs: EigenPairs) -> ReducedModel:
-    """K, M, C (b + k, b + k) and w (b + k,) on T = [[1, 0], [Psi, phi]], phi (n, k) the
+def projected(
+    fixed: FixedInterface, C: sp.csc_array | None, omega: np.ndarray, T: np.ndarray
+) -> ReducedModel:
+    """K, M, C (b + k, b + k) and w (b + k,) on T = [[1, 0], [Psi, phi]] (n, b + k), phi (n, k) the
     fixed-interface modes, zero on the boundary, and omega (k,) [rad/s] their frequencies.
 
     Block by block where a block is known: the product T^T K T would lose log10(cond K) digits.
     K_bi phi + Psi^T K_ii phi = 0, so that K couples boundary and modes nowhere; M does.
     """
-    b, omega = fixed.boundary, pairs.omega
-    T = np.column_stack([fixed.psi, pairs.phi])
+    b = fixed.boundary
     M = _symmetrised(gram(T, fixed.M))
     M[len(b) :, len(b) :] = np.eye(len(omega))
     return ReducedModel(

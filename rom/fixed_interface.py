@@ -43,7 +43,10 @@ class FixedInterface(NamedTuple):
     @property
     def condensed(self) -> np.ndarray:
         """S (b, b) = K_bb + K_bi Psi [N/m]."""
-        S = self.K[:, self.boundary].T @ self.psi
+        rows, n = self.K[:, self.boundary].T, len(self.boundary)
+        S = np.empty((n, n))
+        for c in shares(n):  # scipy's product copies what it multiplies by
+            S[:, c] = rows @ self.psi[:, c]
         return (S + S.T) / 2
 
 

@@ -205,7 +205,7 @@ def effective_mass(
     if reduced.T is None:
         raise ReductionError("a model without its basis T has no effective mass.")
     e, wall = np.asarray(direction, dtype=float), modal(reduced)
-    inertia = sp.csc_array(M) @ e
+    inertia = (M if sp.issparse(M) else np.asarray(M)) @ e  # as it is: a conversion is a copy
     on_field = inertia if onto is None else onto.T @ inertia
     participation = wall.vectors.T @ (reduced.T.T @ on_field)
     return EffectiveMass(wall.omega, participation**2, float(e @ inertia))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from beadwave import fem, rom
 from beadwave.fem.modes.assembly_modes import AssemblyModes
 from beadwave.rom.jointed import Jointed
+from beadwave.rom.tall import shares
 from beadwave.workflows.scene import InvalidScene, LossFactorsTable, Scene
 from beadwave.workflows.scene.tables.reduction import TO_HZ
 from beadwave.workflows.stages.structure.assembly import contact as patch
@@ -131,21 +132,34 @@ def reduction(
     )
     if isinstance(scene.damping, LossFactorsTable):
         struck_surface = struck_surface._replace(strain=strain_of(scene, model, modes))
-    outer = fem.outer_nodes(model.structure)
-    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
-    body = fem.rigid_body(model.structure)
-    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
-    motion = np.tile(contact.spot.inward, model.T.shape[0] // 3)  # of the whole, as it is struck
-    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
+    reduced = with_outer_nodes(reduced, model, contact.spot.inward)
     finer = reduced.finer._replace(contact=struck_surface._replace(weights_read=None))
     return reduced._replace(
-        T=None,
         notes={"patch_weights": contact.weights, "patch_radius_m": repr(contact.radius)},
-        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
         coordinates=names(model, boundary, reduced),
         contact=struck_surface,
-        mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
         finer=finer,
+    )
+
+
+def with_outer_nodes(
+    reduced: rom.ReducedModel, model: fem.Model, direction: NDArray[np.float64]
+) -> rom.ReducedModel:
+    """The reduced model with the way back to the outer nodes of the mesh in place of T (n, r), and
+    with the masses of the whole; `direction` (3,) is that of the effective mass captured."""
+    outer = fem.outer_nodes(model.structure)
+    rows = model.T[outer.dofs.ravel()]
+    T = np.empty((rows.shape[0], reduced.T.shape[1]), np.float32)
+    for c in shares(reduced.T.shape[1]):  # never all of it in double precision
+        T[:, c] = rows @ reduced.T[:, c]
+    body = fem.rigid_body(model.structure)
+    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())  # no rounding, no minus zero
+    motion = np.tile(direction, model.T.shape[0] // 3)  # of the whole, as it is struck
+    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
+    return reduced._replace(
+        T=None,
+        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
+        mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
     )
 
 

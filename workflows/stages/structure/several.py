@@ -16,7 +16,7 @@ from beadwave.workflows.stages.structure.assembly import solid
 from beadwave.workflows.stages.structure.functionals import functionals
 from beadwave.workflows.stages.structure.loss_factors import strain_of
 from beadwave.workflows.stages.structure.meshed_parts import Parts
-from beadwave.workflows.stages.structure.reduction import names, targets_kept
+from beadwave.workflows.stages.structure.reduction import names, targets_kept, with_outer_nodes
 from beadwave.workflows.stages.structure.strike import (
     in_words_of,
     patch_on,
@@ -163,18 +163,10 @@ def reduced_to(
     if isinstance(scene.damping, LossFactorsTable):
         struck = struck._replace(strain=strain_of(scene, model, modes))
 
-    outer = fem.outer_nodes(model.structure)
-    T = (model.T[outer.dofs.ravel()] @ reduced.T).astype(np.float32)
-    body = fem.rigid_body(model.structure)
-    centre = tuple((np.round(body.centre, 9) + 0.0).tolist())
-    motion = np.tile(struck.direction, model.T.shape[0] // 3)
-    captured = rom.effective_mass(reduced, model.structure.M, motion, model.T).captured
+    reduced = with_outer_nodes(reduced, model, struck.direction)
     return reduced._replace(
-        T=None,
-        surface=rom.Surface(outer.points, outer.faces, T, outer.body, tuple(model.structure.basis)),
         coordinates=names(model, np.zeros(0, np.int64), reduced),
         columns=named,
         contact=struck,
-        mass=rom.MassProperties(body.mass, centre, body.grounding, captured),
         finer=reduced.finer._replace(contact=struck),
     )
