@@ -15,12 +15,14 @@ leaves the rest as it was; the state is that of a contact that was never sheared
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from beadwave.dem import UnstableStep
 from beadwave.dem.kernels.arguments import Array
+from beadwave.dem.richardson import richardson
 
 
 class PeriodicSearch(NamedTuple):
@@ -329,3 +331,95 @@ def joined(cycles: list[Saved]) -> Saved:
             for parts in zip(*cycles, strict=True)
         )
     )
+
+
+class PeriodicCycle(NamedTuple):
+    """A periodic state found by steps of one length, and its last cycle."""
+
+    period: PeriodMap
+    moving: Moving
+    saved: Saved
+    point: FixedPoint | None  # of Newton's method, with which the next search begins
+    change: float  # from cycle to cycle, over the largest
+    n_periods: int  # of the shakers until it comes back
+    impacting: bool  # contacts open in it
+
+
+class CycleNumbers(NamedTuple):
+    """Numbers by which two cycles are compared."""
+
+    speeds: Array  # of all bodies at the instants saved, over the largest
+    amplitudes: Array  # logarithms of those of friction and slip at each contact
+    heat: float  # of friction, over the shakers' work
+    loops: Array  # (m,) [J] of friction in each contact: may be small against that work
+
+    def difference(self, other: "CycleNumbers") -> float:
+        """Largest of all but the loops'."""
+        pairs = zip(self[:-1], other[:-1], strict=True)
+        return max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
+
+
+def settled(
+    period: PeriodMap,
+    begin: Moving,
+    point: FixedPoint | None,
+    opens: Callable[[Saved], bool],
+    speed: float,
+    error: float,
+    search: PeriodicSearch,
+) -> PeriodicCycle:
+    """The state at a fixed point, or where there is none to the error, or one whose contacts open
+    and that does not stay, that of periods marched one by one, from `begin` where `point` is None.
+    Raises UnstableStep as `marched_on`."""
+    moving, change, impacting, n_periods = begin, math.inf, False, 1
+    if point is not None:
+        moving, saved, change = point.moving, point.saved, point.change
+        impacting = opens(saved)
+    accepted = (search.opening if impacting else search.accepted) * error
+    if change > accepted or (impacting and not stays(period, moving, search)):
+        moving, saved, change, n_periods = marched_on(period, moving, speed, search, accepted)
+    return PeriodicCycle(period, moving, saved, point, change, n_periods, impacting)
+
+
+def refined(
+    found: Callable[[int, int, PeriodicCycle | None], PeriodicCycle],
+    numbers_of: Callable[[PeriodicCycle], CycleNumbers],
+    n_steps: int,
+    n_cells: int,
+    error: float,
+    order: float,
+    search: PeriodicSearch,
+) -> tuple[PeriodicCycle, float, Array]:
+    """The cycle by steps so short, and contacts of so many cells, that it is right to the error;
+    what is left of it, by `order` of the step; and the error of each loop [J].
+
+    Steps and cells are doubled, each search, found(n_steps, n_cells, cycle before), from the state
+    of the one before. Raises UnstableStep where shorter steps do not help, and where two searches
+    come back after different numbers of periods.
+    """
+    cycle, coarse, estimates = None, None, [math.inf]
+    while True:
+        cycle = found(n_steps, n_cells, cycle)
+        numbers = numbers_of(cycle)
+        # the error by the search before, if both come back after as many periods
+        estimate, loop_errors = math.inf, np.full(np.shape(numbers.loops), np.inf)
+        if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
+            estimate = richardson(numbers.difference(coarse), search.refined, order)
+            loop_errors = richardson(np.abs(numbers.loops - coarse.loops), search.refined, order)
+        estimates.append(estimate)
+        if estimate <= search.share * error or (coarse is not None and cycle.n_periods > 1):
+            break
+        stuck = len(estimates) > 3 and estimate > search.hopeless * estimates[-3]
+        if stuck or n_steps * search.refined > search.most_steps:
+            why = ", and shorter steps do not help" if stuck else ""
+            raise UnstableStep(
+                f"the periodic state changes by {estimate:.1g} of its speeds at {n_steps} steps a "
+                f"period{why}; ask for a larger error"
+            )
+        coarse, n_steps, n_cells = numbers, math.ceil(n_steps * search.refined), 2 * n_cells
+    if not math.isfinite(estimate):
+        raise UnstableStep(
+            f"the state comes back after {cycle.n_periods} periods of the shakers, and by other "
+            "steps after another number: its error is unknown; change the shakers"
+        )
+    return cycle, estimate, loop_errors

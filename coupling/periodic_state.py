@@ -21,10 +21,12 @@ from beadwave.coupling.harmonic_balance import (
 )
 from beadwave.coupling.period_map import (
     USUAL_PERIODIC_SEARCH,
+    CycleNumbers,
+    PeriodicCycle,
     PeriodicSearch,
     fixed_point,
-    marched_on,
-    stays,
+    refined,
+    settled,
 )
 from beadwave.coupling.spatial_march import Before, MarchState, PreparedImpact, along_normal
 from beadwave.dem import UnstableStep
@@ -354,33 +356,17 @@ def swing_of_force(body: PreparedImpact) -> float:
     return meets / body.rate if body.rate > 0.0 else 0.0
 
 
-class Numbers(NamedTuple):
-    """Numbers by which two cycles are compared."""
-
-    speeds: Array  # of all bodies at the instants saved, and `swing_of_force`, over the largest
-    force: float  # logarithm of the amplitude of the tangential force, at least `least_cycle`
-    slip: float  # the same of the slip
-    heat: float  # of friction, over `work_scale`
-    loop: float  # [J] the same heat, which may be small against what modes take
-
-    def difference(self, other: "Numbers") -> float:
-        """Largest of all but the loop's."""
-        pairs = zip(self[:-1], other[:-1], strict=True)
-        return max(float(np.abs(a - b).max()) for a, b in pairs)
-
-
-def numbers_of(saved: SavedSpatial, speed: float, body: PreparedImpact) -> Numbers:
-    """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and force and slip are at
-    least `least_cycle`."""
-    least, speeds = least_cycle(body), speeds_of(saved)
-    swings = swing_of_force(body) * saved.force[:, 1:]
+def numbers_of(saved: SavedSpatial, speed: float, body: PreparedImpact) -> CycleNumbers:
+    """Of a cycle; speeds, and what `swing_of_force` makes of forces, are over `speed` [m/s] where
+    no body is faster, and force and slip at least `least_cycle`."""
+    speeds, swings = speeds_of(saved), swing_of_force(body) * saved.force[:, 1:]
+    largest = np.array([np.ptp(x, axis=0).max() for x in (saved.force[:, 1:], saved.slip)])
     heat = float(saved.energy[-1, RUBBED] - saved.energy[0, RUBBED])
-    return Numbers(
+    return CycleNumbers(
         np.column_stack([speeds, swings]) / (max(speed, float(np.abs(speeds).max())) or 1.0),
-        math.log(max(float(np.ptp(saved.force[:, 1:], axis=0).max()), least[0], 1e-300)),
-        math.log(max(float(np.ptp(saved.slip, axis=0).max()), least[1], 1e-300)),
+        np.log(np.maximum(np.maximum(largest, least_cycle(body)), 1e-300)),
         heat / (work_scale(saved) or 1.0),
-        heat,
+        np.array([heat]),
     )
 
 
@@ -436,11 +422,11 @@ def balanced(
             # a turning point that no sample comes nearer to makes cycles alike by chance, more so
             # the swings that its forces excite: by order 1 the difference itself is the error, of
             # which a third, as order 2 says, was half of what the next doubling changed
-            missed = abs(heat_of_path(divided, before, cycle) - numbers.loop)
+            missed = abs(heat_of_path(divided, before, cycle) - numbers.loops[0])
             estimate = richardson(numbers.difference(coarse), 2.0, 1.0)
             estimate = max(estimate, missed / (work_scale(saved) or 1.0))
             estimates.append(estimate)
-            loop_error = richardson(abs(numbers.loop - coarse.loop), 2.0, order)
+            loop_error = richardson(abs(numbers.loops[0] - coarse.loops[0]), 2.0, order)
             loop_error = max(loop_error, missed)
         if estimate <= search.share * error:
             break
@@ -460,9 +446,9 @@ def balanced(
     slow, slow_moving = still(body), None
     largest = max(float(np.abs(saved.force[:, 1:]).max()), least_cycle(body)[0])
     off = []
-    for refined in (1, 2):
+    for times in (1, 2):
         n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
-        period = period_of(slow, before, refined * n_steps, search)
+        period = period_of(slow, before, times * n_steps, search)
         slow_moving = without_still(body, moving.divided(n_cells))
         period.body.settle(slow_moving, period.system, 0.0)
         marched = period.march(slow_moving)
@@ -601,16 +587,15 @@ def shot(
     none. Raises UnstableStep."""
     body = still(whole)
     T = body.shakers.period
-    n_steps = max(search.cycle_steps, math.ceil(T * body.rate / search.phase))
     tolerance = search.periodicity * error
-    coarse, estimates, point, loop_error = None, [math.inf], None, math.inf
-    two_directions, n_cells = len(body.frame) == 2, body.search.n_cells // 2
-    state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
 
-    # steps and cells are doubled, each search from the state of the one before, until the error is
-    # met or shorter steps no longer help
-    while True:
-        period = period_of(body, before, n_steps, search)
+    def found(n_steps: int, n_cells: int, last: PeriodicCycle | None) -> PeriodicCycle:
+        """The cycle by n_steps a period, from the one before if there is one."""
+        period, point = period_of(body, before, n_steps, search), last and last.point
+        if last is None:
+            state = body._replace(search=body.search._replace(n_cells=n_cells)).at_rest()
+        else:
+            state = last.moving.divided(n_cells)
         if point is None:
             # from a balanced cycle, from rest, from one that is not balanced: on the way from rest
             # slip may go farther than in the cycle, and left a mean force of 1 % of its amplitude
@@ -631,49 +616,23 @@ def shot(
                     break
         else:
             point = fixed_point(period, state, search, tolerance, point.jacobian)
-        if point is None:
-            change, impacting = math.inf, False
-        else:
-            state, saved, change = point.moving, point.saved, point.change
-            impacting = float(saved.force[:, 0].min()) <= 0.0
-        n_periods = 1
-        accepted = (search.opening if impacting else search.accepted) * error
-        if change > accepted or (impacting and not stays(period, state, search)):
-            state, saved, change, n_periods = marched_on(period, state, speed, search, accepted)
+        return settled(period, state, point, opens, speed, error, search)
 
-        # the error by the search before, if both come back after as many periods
-        numbers = numbers_of(saved, speed, body)
-        if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
-            order = 1.0 if two_directions else 2.0
-            estimates.append(richardson(numbers.difference(coarse), search.refined, order))
-            loop_error = richardson(abs(numbers.loop - coarse.loop), search.refined, order)
-        else:
-            estimates.append(math.inf)
-        estimate = estimates[-1]
-        if estimate <= search.share * error or (coarse is not None and n_periods > 1):
-            break
-        stuck = len(estimates) > 3 and estimate > search.hopeless * estimates[-3]
-        if stuck or n_steps * search.refined > search.most_steps:
-            why = ", and shorter steps do not help" if stuck else ""
-            raise UnstableStep(
-                f"the periodic state changes by {estimate:.1g} of its speeds at {n_steps} steps a "
-                f"period{why}; ask for a larger error"
-            )
-        coarse, n_steps = numbers, math.ceil(n_steps * search.refined)
-        n_cells *= 2
-        state = state.divided(n_cells)
+    def opens(saved: SavedSpatial) -> bool:
+        """True if the contact at the wall opens."""
+        return float(saved.force[:, 0].min()) <= 0.0
 
-    if not math.isfinite(estimate):
-        raise UnstableStep(
-            f"the state comes back after {n_periods} periods of the shakers, and by other steps "
-            "after another number: its error is unknown; change the shakers"
-        )
+    cycle, estimate, loop_errors = refined(
+        found, lambda cycle: numbers_of(cycle.saved, speed, body),
+        max(search.cycle_steps, math.ceil(T * body.rate / search.phase)),
+        body.search.n_cells // 2, error, 1.0 if len(body.frame) == 2 else 2.0, search,
+    )  # fmt: skip
+    saved, steps = cycle.saved, cycle.period.steps
     rate = (saved.force[-1] - saved.force[-2]) * (search.cycle_saves / T)
-    steps = period.steps.n_save * period.steps.stride * n_periods
-    moving = with_still(whole, state, rate)
-    # what it still changes by from period to period is an error as well
-    total = estimate + change
-    pushed = None if remembers(whole, saved.stick) else []
     return RepeatedMotion(
-        moving, saved, change, total, n_periods, impacting, steps, loop_error, pushed
-    )
+        with_still(whole, cycle.moving, rate), saved, cycle.change,
+        # what it still changes by from period to period is an error as well
+        estimate + cycle.change,
+        cycle.n_periods, cycle.impacting, steps.n_save * steps.stride * cycle.n_periods,
+        float(loop_errors[0]), None if remembers(whole, saved.stick) else [],
+    )  # fmt: skip

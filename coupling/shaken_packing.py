@@ -15,11 +15,13 @@ from scipy.linalg import expm
 
 from beadwave.coupling.period_map import (
     USUAL_PERIODIC_SEARCH,
+    CycleNumbers,
     FixedPoint,
+    PeriodicCycle,
     PeriodicSearch,
     fixed_point,
-    marched_on,
-    stays,
+    refined,
+    settled,
     step_of,
 )
 from beadwave.dem import UnstableStep
@@ -29,7 +31,6 @@ from beadwave.dem.kernels.crew import Crew
 from beadwave.dem.kernels.shaking import ModalShakerForces
 from beadwave.dem.kernels.tangential import TangentialLaw
 from beadwave.dem.lateral import Cycle
-from beadwave.dem.richardson import richardson
 from beadwave.dem.schemes import SCHEMES
 from beadwave.dem.space import Packing, RowRun, Rows, Structure, kernel, struck
 from beadwave.dem.space.march import (
@@ -405,20 +406,6 @@ def linear_cycle(period: PackingPeriod, at_rest: MovingPacking) -> MovingPacking
     return moving
 
 
-class CycleNumbers(NamedTuple):
-    """Numbers by which two cycles are compared."""
-
-    speeds: Array  # of all bodies, over the largest
-    amplitudes: Array  # logarithms of those of friction and slip at each contact
-    heat: float  # of friction, over the shakers' work
-    loops: Array  # (m,) [J] of friction in each contact
-
-    def difference(self, other: "CycleNumbers") -> float:
-        """Largest of all but the loops'."""
-        pairs = zip(self[:-1], other[:-1], strict=True)
-        return max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
-
-
 def numbers_of(period: PackingPeriod, saved: PackingCycle, speed: float) -> CycleNumbers:
     """Of a cycle; speeds are over `speed` [m/s] where no body is faster, and amplitudes of a
     contact at least LEAST_FORCE of its normal force at rest, and the way that this shears it."""
@@ -448,7 +435,7 @@ class ShakenState(NamedTuple):
     duration: float  # [s] of the cycle
     n_periods: int  # of the shakers until it comes back
     n_steps: int  # of the cycle
-    n_cells: int  # of each contact
+    n_cells: int  # of each contact that rubs
     change: float  # from cycle to cycle, over the largest
     fastest: float  # [m/s] of all bodies
     error_estimate: float  # of velocities over the largest, amplitudes and heat; inf: unknown
@@ -479,53 +466,35 @@ def shaken_state(
     n_steps = max(search.cycle_steps, math.ceil(T * rate / search.phase))
     if dt is not None:
         n_steps = max(search.cycle_saves, math.ceil(T / dt))
-    tolerance, order = search.periodicity * error, 1.0 if rubs else 2.0
-    coarse, estimates, point, moving = None, [math.inf], None, None
-    pressed = contact_forces_at_rest(packing, structure) > 0.0
-    while True:
+    at_rest = contact_forces_at_rest(packing, structure) > 0.0
+
+    def found(n_steps: int, n_cells: int, last: PeriodicCycle | None) -> PeriodicCycle:
+        """The cycle by n_steps a period, from the one before if there is one."""
         divided = packing
         if rubs:
             divided = packing._replace(springs=packing.springs._replace(n_cells=n_cells))
         period, begin = period_of(divided, structure, n_steps, search)
-        if moving is not None:
-            resume(state_of(*moving), *begin)
-        point = repeated(period, begin, search, tolerance, point, at_rest=moving is None)
-        if point is None:
-            moving, change, impacting = begin, math.inf, False
-        else:
-            moving, saved, change = point.moving, point.saved, point.change
-            impacting = bool((saved.pressed.min(axis=0) <= 0.0)[pressed].any())
-        accepted, n_periods = (search.opening if impacting else search.accepted) * error, 1
-        if change > accepted or (impacting and not stays(period, moving, search)):
-            moving, saved, change, n_periods = marched_on(period, moving, speed, search, accepted)
+        if last is not None:
+            resume(state_of(*last.moving), *begin)
+        point = repeated(
+            period, begin, search, search.periodicity * error, last and last.point,
+            at_rest=last is None,
+        )  # fmt: skip
+        return settled(period, begin, point, opens, speed, error, search)
 
-        if dt is not None:
-            loop_errors = np.full(saved.heat.shape[1], np.inf)
-            break
+    def opens(saved: PackingCycle) -> bool:
+        """True if a contact opens that is closed at rest."""
+        return bool((saved.pressed.min(axis=0) <= 0.0)[at_rest].any())
 
-        # the error by the search before, if both come back after as many periods
-        numbers = numbers_of(period, saved, speed)
-        loop_errors = np.full(numbers.loops.shape, np.inf)
-        if coarse is not None and coarse.speeds.shape == numbers.speeds.shape:
-            estimates.append(richardson(numbers.difference(coarse), search.refined, order))
-            loop_errors = richardson(np.abs(numbers.loops - coarse.loops), search.refined, order)
-        else:
-            estimates.append(math.inf)
-        if estimates[-1] <= search.share * error or (coarse is not None and n_periods > 1):
-            break
-        stuck = len(estimates) > 3 and estimates[-1] > search.hopeless * estimates[-3]
-        if stuck or n_steps * search.refined > search.most_steps:
-            why = ", and shorter steps do not help" if stuck else ""
-            raise UnstableStep(
-                f"the periodic state of the chains changes by {estimates[-1]:.1g} of its speeds at "
-                f"{n_steps} steps a period{why}; ask for a larger error"
-            )
-        coarse, n_steps, n_cells = numbers, math.ceil(n_steps * search.refined), 2 * n_cells
-    if dt is None and not math.isfinite(estimates[-1]):
-        raise UnstableStep(
-            f"the chains come back after {n_periods} periods of the shakers, and by other steps "
-            "after another number: the error is unknown; change the shakers"
-        )
+    if dt is not None:
+        cycle = found(n_steps, n_cells, None)
+        estimate, loop_errors = math.inf, np.full(cycle.saved.heat.shape[1], np.inf)
+    else:
+        cycle, estimate, loop_errors = refined(
+            found, lambda cycle: numbers_of(cycle.period, cycle.saved, speed),
+            n_steps, n_cells, error, 1.0 if rubs else 2.0, search,
+        )  # fmt: skip
+    period, moving, saved, _, change, n_periods, _ = cycle
     gained = (saved.energy[-1] - saved.energy[0]) / n_periods
     lost = gained[[kernel.IN_CONTACTS, kernel.IN_FRICTION, kernel.IN_WALL]].sum()
     return ShakenState(
@@ -534,10 +503,10 @@ def shaken_state(
         duration=T * n_periods,
         n_periods=n_periods,
         n_steps=period.steps.n_save * period.steps.stride * n_periods,
-        n_cells=n_cells,
+        n_cells=period.packing.springs.n_cells if rubs else 0,
         change=change,
         fastest=float(np.abs(period.speeds_of(saved)).max()),
-        error_estimate=estimates[-1] + change,
+        error_estimate=estimate + change,
         loop_errors=loop_errors / n_periods,
         unbalanced=float(abs(gained[kernel.OF_SHAKERS] - lost)),
     )
