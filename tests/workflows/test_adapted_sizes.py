@@ -427,7 +427,7 @@ def test_a_mesh_above_the_bound_is_made_again_in_small_steps(monkeypatch):
         ),
         (("mesh.error=0",), "mesh.error = 0 .*greater than 0"),
         (("mesh.error=1.5",), "mesh.error = 1.5 .*less than 1"),
-        (("mesh.error=2%2",), "mesh.error = '2%2' must be a valid number"),
+        (("mesh.error=2%2",), "mesh.error: '2%2' is no relative error"),
         (("mesh.error=120%",), "mesh.error = '120%' must be less than 1"),
         (("mesh.unknowns=10",), "mesh.unknowns = 10 .*1000"),
         (("mesh.unknowns=5000",), "mesh.unknowns = 5000 .* give mesh.error"),

@@ -150,6 +150,9 @@ REFUSED = {
     "strike.on=lid": ("strike.on", "'lid' is no face of a body"),
     "assembly={held=[{on='lid:+z', directions='w'}]}": ("directions = 'w'", "letters x, y and z"),
     "chain": ("key=value",),
+    "striker={velocity=1, velocity=2}": ("--set striker", "Duplicate", "'velocity'"),
+    "output.spheres=[1, 2": ("--set output.spheres", "Unclosed array"),
+    "time.error=2mm": ("time.error", "'2mm'", '0.02 or "2 %"'),
     "chain.count.x=3": ("chain.count.x", "17"),
 }
 

@@ -139,14 +139,18 @@ def _representable(value: float) -> float:
 
 
 def _of_percent(value: Any) -> Any:
-    """The share that a text as "1 %" stands for; anything else as it is."""
-    text = isinstance(value, str) and value.removesuffix("%")
-    if not text or text == value:
+    """The share that a text as "1 %" stands for; a number as it is."""
+    if not isinstance(value, str):
         return value
+    number = value.removesuffix("%")
     try:
-        return float(text) / 100
+        if number != value:
+            return float(number) / 100
     except ValueError:
-        return value
+        pass
+    raise ValueError(
+        f'{value!r} is no relative error; write a share or a percentage, 0.02 or "2 %"'
+    )
 
 
 SMALLEST, LARGEST = 1e-18, 1e18  # of any number of a scene

@@ -261,7 +261,16 @@ def _pair(change: Change) -> tuple[str, Any]:
     key, equals, text = change.partition("=")
     if not equals or not all(key.strip().split(".")):
         raise InvalidScene(f"--set {shown(change)} is not key=value; write --set chain.count=17.")
-    return key.strip(), value_of(text.strip())
+    key, text = key.strip(), text.strip()
+    value = value_of(text)
+    # a table or a list with a fault in it, which is no word
+    if value is text and text[:1] in ("{", "["):
+        try:
+            tomllib.loads(f"value = {text}")
+        except ValueError as error:
+            reason = str(error).partition(" (at ")[0]
+            raise InvalidScene(f"--set {key}: {shown(text)} is no TOML: {reason}.") from None
+    return key, value
 
 
 def instead_of(key: str) -> set[str]:
