@@ -214,7 +214,7 @@ def test_after_a_small_gain_the_next_mesh_is_four_times_as_large_but_near_the_er
         meshes = [SolvedMesh(1000 * 2**i, 100, error, 1.0) for i, error in enumerate(stated)]
         return adapted_sizes.least_growth(meshes, asked)
 
-    assert growth(0.1) == growth(0.1, 0.05) == growth(0.04, 0.0203) == 2.0
+    assert growth(0.1) == growth(0.1, 0.05) == growth(0.03, 0.0203) == 2.0
     near = (0.0214 / 0.02) ** (1 / np.log2(0.0226 / 0.0214))
     assert growth(0.0226, 0.0214) == pytest.approx(near) and 2.0 < near < 3.0
     assert growth(0.0222, 0.0201) == 2.0  # nearly there: as every mesh
@@ -222,14 +222,16 @@ def test_after_a_small_gain_the_next_mesh_is_four_times_as_large_but_near_the_er
     assert growth(0.1, 0.09) == growth(0.03, 0.031) == 4.0
 
 
-def test_the_next_mesh_has_a_little_more_than_the_rate_of_the_last_gain_asks_for():
+def test_the_mesh_before_the_bound_has_a_little_more_than_the_rate_of_the_last_gain_asks_for():
     """Errors fall as 1 / unknowns: 1.9 times the error asked takes 1.9 times as many, 3 times
     the error takes two meshes."""
     meshes = [SolvedMesh(1000, 100, 0.076, 1.0), SolvedMesh(2000, 200, 0.038, 1.0)]
-    least = adapted_sizes.least_growth(meshes, 0.02)
+    least = adapted_sizes.least_growth(meshes, 0.02, 3.0)
     assert least == pytest.approx(1.9 * adapted_sizes.SURE / adapted_sizes.ENOUGH)
+    assert adapted_sizes.least_growth(meshes, 0.02, 4.1) == adapted_sizes.LEAST_GROWTH
+    assert adapted_sizes.least_growth(meshes, 0.024, 3.0) == adapted_sizes.LEAST_GROWTH
+    assert adapted_sizes.least_growth(meshes, 0.038 / 3, 3.0) == adapted_sizes.LEAST_GROWTH
     assert adapted_sizes.growth_at_rate(meshes, 0.038 / 3) == pytest.approx(3.0)
-    assert adapted_sizes.least_growth(meshes, 0.038 / 3) == adapted_sizes.LEAST_GROWTH
     assert adapted_sizes.growth_at_rate(meshes[:1], 0.02) is None
     assert adapted_sizes.growth_at_rate(meshes[::-1], 0.02) is None
 
