@@ -16,7 +16,7 @@ from beadwave.workflows.scene import InvalidScene
 
 from command_line import beadwave
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 
 SCENE = """
 name = "bar"

@@ -16,7 +16,7 @@ from beadwave.workflows.stages.engine.pipeline import pipeline_of
 from command_line import beadwave
 from meshed_boxes import SCENE, boxes
 
-pytestmark = pytest.mark.usefixtures("shared_cache")
+pytestmark = pytest.mark.usefixtures("shared_cache", "files_read_here")
 
 BOLTS = '[[joints]]\nname = "bolts"\nbetween = "cover|base"\nkz = 1e8\nwasher = 8e-3'
 SIDES, HOLES, RADIUS = (0.1, 0.06), ((0.02, 0.03), (0.08, 0.03)), 4e-3
