@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from contextlib import nullcontext
 from time import perf_counter
 
@@ -194,6 +195,7 @@ def test_a_stack_has_one_grip_and_a_joint_at_each_pair_of_faces():
         places(tables)
 
 
+@pytest.mark.usefixtures("few_modes")
 def test_thin_plates_keep_their_zone_as_half_of_its_rim_opens():
     """The zone is one facet wide: the bounds have frequencies, and so has the spread."""
     tables = plates({"bolt": "M16-12.9", "preload": 1e5, "model": "contact"})
@@ -224,12 +226,20 @@ def test_masses_of_bolt_nut_and_washer_go_into_the_model():
 
 
 @pytest.fixture
+def few_modes(monkeypatch):
+    """Twelve modes of an assembly, where thirty take twice the time."""
+    module = sys.modules["beadwave.fem.modes.assembly_modes"]  # whose function has its name
+    monkeypatch.setattr(module, "N_MODES", (12, 60))
+
+
+@pytest.fixture
 def table(shared_cache, tmp_path):
     path = tmp_path / "plates.toml"
     path.write_text(toml(resolved(plates(), "plates.toml")))
     return path
 
 
+@pytest.mark.usefixtures("few_modes")
 def test_modes_as_json_have_the_joints_and_their_limits(table, capsys):
     assert beadwave("modes", str(table), "--set", "mesh.scale=4", "--json") == 0
     answer = json.loads(capsys.readouterr().out)
@@ -404,6 +414,7 @@ def test_a_body_that_lies_loose_on_others_is_refused_by_its_name(side, held):
     assert ("assembly.held = []" in str(refused.value)) == bool(held)
 
 
+@pytest.mark.usefixtures("few_modes")
 @pytest.mark.parametrize("dry", [(), ("--dry-run",)])
 def test_a_sweep_says_which_bolts_are_overloaded(dry, table, tmp_path, monkeypatch, capsys):
     """Of the worst case that is not refused, of every joint; nothing of bolts that bear it."""
@@ -659,6 +670,7 @@ def test_a_spread_of_the_drawing_is_a_lognormal_prior_of_the_fit():
     assert fit.deviation[0] == pytest.approx(weights.sum() ** -0.5, rel=1e-6)
 
 
+@pytest.mark.usefixtures("few_modes")
 def test_tune_starts_from_the_drawing_and_says_which_joint_moved_beyond_it(table, capsys):
     """Frequencies of a kx 2.6 deviations softer than the drawing's."""
     coarse = {"mesh": {"scale": 4.0}}
