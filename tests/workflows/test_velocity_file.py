@@ -8,6 +8,7 @@ from beadwave.workflows.files.record import SYNTHETIC, Channel, Record, csv_text
 from beadwave.workflows.fit.measured_record import measured, recorded
 from beadwave.workflows.scene import InvalidScene
 
+pytestmark = pytest.mark.usefixtures("files_read_here")
 T = np.arange(80) * 1e-6
 V = np.random.default_rng(0).normal(size=(2, 80, 3))
 KNOWN = Record(T, V, (1, 4, 14), SYNTHETIC)
