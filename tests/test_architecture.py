@@ -5,6 +5,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,17 @@ SYSTEM = "src/beadwave/system.py"
 SOURCES = [path for room in (*ROOMS, "src") for path in (ROOT / room).rglob("*.py")]
 
 
+@cache
+def parsed(path):
+    return ast.parse(path.read_text("utf-8"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def trees_are_kept_for_this_file():
+    yield
+    parsed.cache_clear()
+
+
 def of_one_system(tree):
     """Names of modules, functions and signals, and paths, that not every system has."""
     for node in ast.walk(tree):
@@ -67,7 +79,7 @@ def test_what_one_system_alone_has_is_in_one_module():
     found = {
         str(path.relative_to(ROOT)): names
         for path in SOURCES
-        if (names := [*of_one_system(ast.parse(path.read_text("utf-8")))])
+        if (names := [*of_one_system(parsed(path))])
     }
     assert found.keys() == {SYSTEM}, found
 
@@ -111,7 +123,7 @@ def test_text_has_an_encoding_and_ends_of_lines_of_no_system():
     found = {
         str(path.relative_to(ROOT)): calls
         for path in SOURCES
-        if (calls := [*without_encoding(ast.parse(path.read_text("utf-8")))])
+        if (calls := [*without_encoding(parsed(path))])
     }
     assert not found
 
@@ -156,7 +168,7 @@ def test_a_file_read_off_its_room_is_loaded_with_the_room():
     others = (path for folder in ("examples", "benchmarks", "tests")
               for path in (ROOT / folder).rglob("*.py"))  # fmt: skip
     for path in [*SOURCES, *others]:
-        for name in files_read_off_a_room(ast.parse(path.read_text("utf-8"))):
+        for name in files_read_off_a_room(parsed(path)):
             read.setdefault(name, []).append(str(path.relative_to(ROOT)))
     code = (
         "import sys\nfrom beadwave import geometry, fem, rom, dem, coupling, workflows\n"
@@ -183,7 +195,7 @@ def imports(module, path, modules):
     """Other modules of `modules` that a file imports, in functions and under TYPE_CHECKING too."""
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     imported = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             imported |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -291,7 +303,7 @@ def test_no_function_takes_more_than_eight_arguments():
     found = {
         (".".join(("beadwave", *path.relative_to(ROOT).with_suffix("").parts)), name)
         for path in paths
-        for name, _ in crowded(ast.parse(path.read_text()))
+        for name, _ in crowded(parsed(path))
     }
     assert found <= commands
     assert [*crowded(ast.parse("def f(a, /, b, c, d, e, f, *, g, h, i): pass"))] == [("f", 9)]

@@ -129,7 +129,10 @@ output = {{ spheres = [1, 2] }}
 """
 
 
-@pytest.mark.parametrize("name", ["nul", "COM1.a", "ends-in-a-dot."])
+@pytest.mark.parametrize(
+    "name",
+    ["nul", *(pytest.param(n, marks=pytest.mark.slow) for n in ("COM1.a", "ends-in-a-dot."))],
+)
 def test_a_scene_with_the_name_of_a_device_gets_a_folder_of_a_legal_name(place, name):
     scene = place[1] / "scene.toml"
     scene.write_text(NAMED.format(name=json.dumps(name)), encoding="utf-8")
