@@ -220,6 +220,21 @@ def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     assert mine.energy_error < 0.2 * error
 
 
+def test_both_contacts_of_the_last_sphere_rub_by_their_own_laws():
+    at_wall, before = tangential_law(0.2, *STEEL_ON_STEEL), tangential_law(0.1, R, E, NU, R, E, NU)
+    last = LastSphere(at_wall, 1e-6, np.zeros(2))._replace(before=before)
+    behind = space.Structure(
+        OMEGA, ZETA, ALONG_AND_ACROSS, np.zeros(3, np.int64), AXES, np.zeros((1, 2))
+    )
+    row = space.Row(chain(4), striking(4, 0.3), np.zeros(3), AXES[0], last=last)
+    packing = space.rows_of([row], behind).packing
+    springs, ends = packing.springs, packing.pairs[packing.springs.contact]
+    assert (ends[0, 0], ends[0, 1]) == (3, space.MOVING) and sorted(ends[1]) == [2, 3]
+    for i, law in enumerate((at_wall, before)):
+        assert [values[i] for values in springs.law] == list(law[:3])
+        np.testing.assert_allclose(springs.frame[i], AXES[1:])
+
+
 @pytest.mark.parametrize("gamma", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_row_that_rubs_is_marched_with_order_2(gamma):
     """An oblique impact that slips all over; with a damper, whose pressure bounds the slip, too."""
