@@ -63,12 +63,19 @@ def static_state(chain: Chain, wall: Wall | None) -> Equilibrium:
         # what carries the forces otherwise: leaf springs, or a wall that holds
         sprung = stiffness > 0.0
         walled = wall is not None and bool(np.isfinite(compliance))
-        pressing = "a weight" if chain.gravity else "a preload"
+        pressing = f"a preload of {chain.preload:g} N"
+        if chain.gravity:
+            weight = abs(chain.gravity) * np.sum(chain.mass[chain.n_falling :])
+            preload = f" and {pressing}" if chain.preload else ""
+            pressing = f"a weight of {weight:g} N{preload}"
         if not sprung.any() and (not walled or (np.cumsum(steady) < 0.0).any()):
+            if walled and chain.gravity < 0.0:
+                raise NoEquilibrium(
+                    f"a weight of {weight:g} N pulls the spheres off the wall, where a preload "
+                    "presses the last one alone; add leaf springs"
+                )
             raise NoEquilibrium(
-                f"{pressing} of {abs(steady.sum()):g} N "
-                f"{'pulls the spheres off and ' if steady.sum() < 0.0 else ''}finds no support; "
-                "add leaf springs or a wall that holds it"
+                f"nothing supports {pressing}; add leaf springs or a wall that holds it"
             )
         x, force = _balance(chain, n if walled else n - 1, steady, compliance)
         if not walled and wall is not None and x[-1] > 0.0:

@@ -159,11 +159,11 @@ def test_a_dropped_sphere_bounces_back_to_where_it_fell_from():
 
 
 def test_what_holds_no_weight_is_refused():
-    with pytest.raises(dem.NoEquilibrium, match=r"weight of .* finds no support"):
+    with pytest.raises(dem.NoEquilibrium, match=r"nothing supports a weight of [0-9.]* N;"):
         dem.equilibrium(column(flat=None), None)
-    with pytest.raises(dem.NoEquilibrium, match="finds no support"):
+    with pytest.raises(dem.NoEquilibrium, match="nothing supports a weight of"):
         dem.equilibrium(column(), dem.dashpot_wall(100.0))
-    with pytest.raises(dem.NoEquilibrium, match="finds no support"):
+    with pytest.raises(dem.NoEquilibrium, match=r"weight of .* pulls the spheres off the wall"):
         dem.equilibrium(column(gravity=-G), dem.rigid_wall())
     with pytest.raises(dem.InvalidChain, match="n_falling = 10"):
         dem.equilibrium(column(n_falling=10), dem.rigid_wall())
