@@ -394,9 +394,15 @@ def refined(
     what is left of it, by `order` of the step; and the error of each loop [J].
 
     Steps and cells are doubled, each search, found(n_steps, n_cells, cycle before), from the state
-    of the one before. Raises UnstableStep where shorter steps do not help, and where two searches
-    come back after different numbers of periods.
+    of the one before. Raises UnstableStep for a period of too many steps, where shorter steps do
+    not help, and where two searches come back after different numbers of periods.
     """
+    most = search.most_steps / search.refined
+    if n_steps > most:
+        raise UnstableStep(
+            f"a period of the shakers is {n_steps:.1e} steps of the fastest contact long, at most "
+            f"{most:.1e} are marched; raise their frequency, or press the contacts less"
+        )
     cycle, coarse, estimates = None, None, [math.inf]
     while True:
         cycle = found(n_steps, n_cells, cycle)

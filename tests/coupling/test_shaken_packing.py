@@ -243,6 +243,14 @@ def test_a_row_that_nothing_presses_is_refused():
         space.before_striker(away, [False, False])
 
 
+def test_a_period_of_too_many_steps_is_refused_before_the_first_march():
+    rows, behind = frictionless(1.0)
+    slow = behind._replace(shakers=shaker(1.0, 0.1))
+    packing = space.before_striker(rows, [False, False])
+    with pytest.raises(dem.UnstableStep, match=r"is [0-9.]*e\+0[67] steps .* at most 5.0e\+04"):
+        shaken_state(packing, slow, error=1e-4)
+
+
 def test_a_sphere_that_nothing_holds_is_refused():
     rows, _ = frictionless(1.0)
     alone = rows._replace(packing=rows.packing._replace(held=rows.packing.held._replace(

@@ -139,7 +139,7 @@ def state_before(
     try:
         return shaken_state(packing, structure, error=wanted, speed=speed, **steps)
     except dem.UnstableStep as error:
-        raise dem.UnstableStep(f"{scene.name}: [[shakers]]: {error}") from None
+        raise dem.UnstableStep(f"{scene.name}: [[shakers]]: {str(error).rstrip('.')}.") from None
 
 
 def march(
