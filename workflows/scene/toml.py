@@ -267,7 +267,7 @@ def _pair(change: Change) -> tuple[str, Any]:
     if value is text and text[:1] in ("{", "["):
         try:
             tomllib.loads(f"value = {text}")
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             reason = str(error).partition(" (at ")[0]
             raise InvalidScene(f"--set {key}: {shown(text)} is no TOML: {reason}.") from None
     return key, value
