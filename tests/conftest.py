@@ -13,9 +13,8 @@ import pytest
 
 # before anything loads BLAS: its threads fight over the small blocks of sparse factors
 environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-environ.setdefault(
-    "BEADWAVE_PROCESSES", "1"
-)  # a second one imports for 2 s, and tests fill the cores
+# a second process of a command imports for 2 s, and tests fill the cores
+environ.setdefault("BEADWAVE_PROCESSES", "1")
 pytest_plugins = ["signal_guard"]
 MOST_WORKERS = 8  # each holds up to 1 GB
 
