@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from beadwave.fem.assembly.joints import DIRECTIONS, Bushing
+from beadwave.fem.assembly.joints import Bushing
 from beadwave.fem.assembly.materials import Material
 
 CONE = np.deg2rad(30.0)  # half angle of the cones
@@ -301,8 +301,3 @@ def fastener_masses(bolt: Bolt, grip: float) -> tuple[Fastener, Fastener]:
         axial = m @ (A / (2 * np.pi))
         ends.append(Fastener(float(m.sum()), (float(across), float(across), float(axial)), centre))
     return ends[0], ends[1]
-
-
-def named_springs(name: str, springs: Bushing) -> dict[str, float]:
-    """Stiffnesses by the keys of a scene, "NAME.kx"."""
-    return {f"{name}.{key}": k for key, k in zip(DIRECTIONS, springs, strict=True)}
