@@ -227,11 +227,11 @@ def test_static_state_balances_random_chains(seed):
 
 
 def test_nothing_to_lean_on_is_no_equilibrium():
-    with pytest.raises(NoEquilibrium, match="no support"):
+    with pytest.raises(NoEquilibrium, match="nothing supports a preload of 1 N"):
         equilibrium(unit_chain(3, preload=1.0), None)
-    with pytest.raises(NoEquilibrium, match="no support"):
+    with pytest.raises(NoEquilibrium, match="nothing supports a preload of 1 N"):
         equilibrium(unit_chain(3, 1.0, preload=1.0), dashpot_wall(2.0))
-    with pytest.raises(NoEquilibrium, match="no support"):
+    with pytest.raises(NoEquilibrium, match="nothing supports a preload of 1 N"):
         equilibrium(unit_chain(3, 1.0, preload=1.0), one_dof_wall(0.0, 1.0))
     with pytest.raises(NoEquilibrium, match="nothing holds"):
         equilibrium(unit_chain(1, 1.0, leaf_stiffness=np.ones(1), preload=1.0), dashpot_wall(2.0))
