@@ -368,9 +368,9 @@ def settled(
     error: float,
     search: PeriodicSearch,
 ) -> PeriodicCycle:
-    """The state at a fixed point, or where there is none to the error, or one whose contacts open
-    and that does not stay, that of periods marched one by one, from `begin` where `point` is None.
-    Raises UnstableStep as `marched_on`."""
+    """The state at a fixed point; where its change is above the error, or its contacts open and it
+    is not stable, the state after periods marched one by one from it, from `begin` where `point` is
+    None. Raises UnstableStep as `marched_on`."""
     moving, change, impacting, n_periods = begin, math.inf, False, 1
     if point is not None:
         moving, saved, change = point.moving, point.saved, point.change

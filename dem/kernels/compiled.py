@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from beadwave.dem.kernels.kept_code import Entry
 
 # major and minor number of the newest numba whose insides `inner_compiler` is known to fit; a later
-# one compiles as it does by itself, a third longer
+# one compiles as it does by itself, a quarter longer
 NEWEST_NUMBA = (0, 68)
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}

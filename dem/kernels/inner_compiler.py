@@ -1,9 +1,9 @@
 """A compiler of functions that only compiled functions call: LLVM IR for them, no machine code.
 
 numba optimises each function and makes machine code of it, then does both again in every function
-that calls it. The code of a function that Python cannot enter never runs. Without it a first impact
-on a wall of one mode compiles in 0.76 of the processor time (54 functions, of which Python enters
-six; `benchmarks/compile.py`), and marches as fast.
+that calls it. The code of a function that Python cannot enter never runs. Without it the first
+impact of rig-rom compiles in 0.78 of the processor time (54 functions, of which six become machine
+code; `benchmarks/compile.py`), and marches as fast.
 """
 
 from numba import _dynfunc

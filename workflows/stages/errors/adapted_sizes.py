@@ -64,9 +64,10 @@ LEAST_GROWTH = 2.0  # of the unknowns from mesh to mesh: the last one costs as m
 # the error asked that rate is followed: a tube at 2.07 % of 2 % took 2.5 times the unknowns
 SLOW_GROWTH = 4.0
 NEAR = 1.1
-# of the growth that the rate of a larger gain asks for, and up to how many times `LEAST_GROWTH`,
-# of a mesh before the bound: a T profile asked for 2 % within 100 000 unknowns had 2.09 % with
-# 63 936 and then 2.001 % with 92 316; it has 1.88 % with 72 834
+# the last mesh that the bound leaves room for takes `SURE` times the unknowns that the rate of the
+# gain foretells, where these are at most `FEW_MORE` times `LEAST_GROWTH`: a T profile asked for 2 %
+# within 100 000 unknowns had 2.09 % with 63 936 and then 2.001 % with 92 316; it has 1.88 % with
+# 72 834
 SURE, FEW_MORE = 1.1, 1.3
 LARGEST_LOG = 20.0  # of a growth: rates of nearly no gain
 # the most: a coarse mesh does not tell yet where most is missed. Of a U profile at 12 %, 28 000
@@ -229,8 +230,9 @@ def search(scene: Scene) -> Search:
 
 def least_growth(solved: list[SolvedMesh], asked: float, most: float = np.inf) -> float:
     """Times the unknowns of the last mesh, that the next one has at least: after a small gain
-    `SLOW_GROWTH`, near the error asked as many as this takes at the rate of the gain. After others
-    a little more than that where `most`, the growth up to the bound, leaves no mesh behind it."""
+    `SLOW_GROWTH`, near the error asked as many as this takes at the rate of the gain. After a
+    larger gain `LEAST_GROWTH`, or a little more where `most`, the growth up to the bound, leaves
+    room for one mesh alone."""
     if len(solved) < 2:
         return LEAST_GROWTH
     before, last = solved[-2:]
