@@ -9,6 +9,12 @@ lambda = 0.5445 is the exponent of displacements at the inner edge of 270 degree
 Appl. Mech. 19 (1952) 526): energies missed there fall as h^(2 lambda). With elements graded
 towards the edge, about as long along it as across, N >= length / h; hexahedra may be longer.
 
+The first is the limit of many unknowns. Tetrahedra of the size h at a distance r from the edge miss
+the density h^4 r^(2 lambda - 6), those at the edge, of the size r0, some r0^(2 lambda). The fewest,
+N ~ int r / h^3 dr + 1 / (2 r0), have h = kappa r^((6 - 2 lambda) / 7) from h(r0) = r0 on. Parts near
+and far change with r0 nearly alike, as 2 lambda is close to 4/3, so that the exponent of these best
+sizes grows slowly; it is printed for the unknowns of the tetrahedra, in a sector of the same area.
+
         |####|
         |####|           inner edge, along z
         |####|__________/
@@ -25,6 +31,7 @@ Run it: python examples/bracket_rate.py               both, from 10 to 0.5 %, fo
 import sys
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from skfem import MeshHex
 
 from beadwave import fem
@@ -42,6 +49,8 @@ SCALES = (2.0, 1.4, 1.0, 0.7, 0.5)  # mesh.scale of even elements
 INNERMOST = (4e-4, 1e-4)  # [m] elements at the edge of the grids that stand for the truth
 LARGEST = 5e-3  # [m] of these, where 8e-3 changes frequencies by 6e-5
 TWO_LAMBDA = 2 * 0.5445  # power of the innermost element with which errors fall
+OF_EDGE = (1.0, 30.0)  # energy of elements at the edge over r0^(2 lambda), of a density of one
+DENSITY = 55.0  # unknowns in h^3, of even tetrahedra
 
 
 def bracket(element: str) -> Scene:
@@ -102,6 +111,24 @@ def exponent(rows: list[tuple[int, float]]) -> float:
     return -float(np.polyfit(unknowns, errors, 1)[0])
 
 
+def ideal(unknowns: list[int], of_edge: float) -> float:
+    """Exponent of the best sizes of tetrahedra, between the fewest and the most unknowns."""
+    angle = 1.5 * np.pi
+    radius = np.sqrt(2 * (A * W + (B - W) * W) / angle)
+    r = radius * np.geomspace(1e-6, 1, 800)
+
+    def beyond(f: np.ndarray) -> np.ndarray:
+        return -cumulative_trapezoid(f[::-1], r[::-1], initial=0.0)[::-1]
+
+    n, errors = [], []  # of every kappa and, along r, every r0
+    for kappa in np.geomspace(1e-3, 3, 300) * radius ** ((1 + TWO_LAMBDA) / 7):
+        h = np.minimum(kappa * r ** ((6 - TWO_LAMBDA) / 7), r)
+        n.append(DENSITY * T * angle * (beyond(r / h**3) + 1 / (2 * r)))
+        errors.append(beyond(h**4 * r ** (TWO_LAMBDA - 5)) + of_edge * r**TWO_LAMBDA)
+    ends = [(N, np.min(errors, where=np.array(n) <= N, initial=np.inf)) for N in unknowns]
+    return exponent(ends)
+
+
 def main(words: list[str]) -> dict[str, tuple[float, float]]:
     """Exponents of meshes with an error asked and of even ones, by element."""
     kinds = [word for word in words if word.isalpha()] or ["hex", "tet"]
@@ -120,6 +147,9 @@ def main(words: list[str]) -> dict[str, tuple[float, float]]:
         # errors that the same mesh meets count once
         exponents[kind] = exponent([*dict.fromkeys(rows)]), exponent(of_even)
         print("{} exponents {:.2f}, of even elements {:.2f}".format(kind, *exponents[kind]))
+        if kind == "tet":
+            best = [ideal([n for n, _ in rows], of_edge) for of_edge in OF_EDGE]
+            print("tet exponents of the best sizes {:.2f} to {:.2f}".format(*best))
     return exponents
 
 
