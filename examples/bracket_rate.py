@@ -11,9 +11,9 @@ towards the edge, about as long along it as across, N >= length / h; hexahedra m
 
 The first is the limit of many unknowns. Tetrahedra of the size h at a distance r from the edge miss
 the density h^4 r^(2 lambda - 6), those at the edge, of the size r0, some r0^(2 lambda). The fewest,
-N ~ int r / h^3 dr + 1 / (2 r0), have h = kappa r^((6 - 2 lambda) / 7) from h(r0) = r0 on. Parts near
-and far change with r0 nearly alike, as 2 lambda is close to 4/3, so that the exponent of these best
-sizes grows slowly; it is printed for the unknowns of the tetrahedra, in a sector of the same area.
+N ~ int r / h^3 dr + 1 / (2 r0), have h = kappa r^((6 - 2 lambda) / 7) from h(r0) = r0 on. Near and
+far parts change with r0 nearly alike, as 2 lambda is close to 4/3: the exponent of these best sizes
+grows slowly; it is printed for the unknowns of the tetrahedra, in a sector of the same area.
 
         |####|
         |####|           inner edge, along z
