@@ -87,6 +87,17 @@ def test_a_choice_of_marks_is_kept(pytest_says):
 def test_the_short_run_has_every_test_that_the_mutants_are_noticed_by():
     """It leaves out none of the share that `tests/tools/mutants.py` measures."""
     names = {name for room in mutants.ROOMS.values() for name in room.tests}
-    files = {TESTS / "{}/test_{}.py".format(*name.split("/")) for name in names}
-    assert len(files) > 20
-    assert not [file.name for file in files if "mark.slow" in file.read_text(encoding="utf-8")]
+    files = [TESTS / "{}/test_{}.py".format(*name.split("/")) for name in names]
+    assert len(files) > 50
+    assert not [file.name for file in files if not file.is_file()]
+    assert f'"{mutants.QUICK}"' in (TESTS / "conftest.py").read_text(encoding="utf-8")
+
+
+def test_explained_mutants_are_those_of_lines_that_there_are():
+    modules = {module for room in mutants.ROOMS.values() for module in room.modules}
+    lines = {
+        line.strip()
+        for module in modules
+        for line in (mutants.ROOT / module).read_text(encoding="utf-8").splitlines()
+    }
+    assert not [line for line, _ in mutants.EXPLAINED if line not in lines]
