@@ -132,7 +132,7 @@ def _measured(t, v, passage, fitted):
         # would be had the crest come just before the end. Of a slow wave from which the sphere
         # flies off, the fit alone gave 0.017 m/s where the record ended at 0.026
         return fitted._replace(peak_velocity=float(v[k]), width=np.nan)
-    if k in (0, len(v) - 1, *inside[[0, -1]]) or sign * v[k] <= 0.0:
+    if k in inside[[0, -1]] or sign * v[k] <= 0.0:
         return fitted
     time, height = crest(t, sign * v, k)
     if sign * v[inside[-1]] > STAYS * height:

@@ -2,6 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from beadwave.dem.waves.labels import labels
 from beadwave.dem.waves.measures import (
     contact_time,
     dimensionless_contact_time,
+    leading_share,
     track_speed,
     travelling_time,
     wall_contact,
@@ -257,7 +259,53 @@ def test_a_trains_speed_is_that_past_spheres_of_any_size():
 def test_a_wall_that_nothing_reaches_has_no_contact_time():
     chain, run, tracks = impact(duration=10.0)
     wall = wall_contact(run.t, run.v, run.contact_force, chain, tracks)
-    assert np.isnan([wall.contact_time.seconds, wall.tau_c, wall.speed_in, wall.tof]).all()
+    assert np.isnan([*wall.contact_time[:3], wall.tau_c, wall.speed_in, wall.tof]).all()
+
+
+def test_a_record_that_ends_before_the_reflection_has_the_incident_waves_speed_alone():
+    chain, whole, _ = impact()
+    n = int(whole.contact_force[:, -1].argmax())
+    t, v, force = whole.t[:n], whole.v[:n], whole.contact_force[:n]
+    wall = wall_contact(t, v, force, chain, wave_tracks(t, v, force, chain.mass, chain.A))
+    assert wall.speed_in == pytest.approx(0.84051, rel=0.02)
+    assert np.isnan([wall.speed_back, wall.arr, wall.tof]).all()
+
+
+def test_the_leading_share_is_the_energy_ahead_of_the_first_gap():
+    """A wave with a dip of its force, and another one behind it, of spheres m = A = 1: a contact
+    stores 2/5 F^(5/3)."""
+    chain = Chain(np.ones(8), np.full(8, 0.5), np.ones(8))
+    v = np.array([[0.5, 0.4, 0.0, 0.1, 0.3, 0.6, 0.2, 0.0]])
+    F = np.array([[0.9, 0.3, 0.0, 0.2, 0.6, 0.8, 0.1, 0.0]])
+    run = SimpleNamespace(v=v, contact_force=F, energy_kinetic=np.array([2.0]))
+    moving, stored = 0.5 * np.sum(v[0, 3:] ** 2), 0.4 * np.sum(F[0, 2:] ** (5 / 3))
+    assert leading_share(run, chain) == pytest.approx((moving + stored) / 2.0)
+    # where waves overlap the gap is the least force behind the fastest sphere
+    run.contact_force[0, 2] = 0.1
+    stored = 0.4 * np.sum(run.contact_force[0, 2:] ** (5 / 3))
+    assert leading_share(run, chain) == pytest.approx((moving + stored) / 2.0)
+
+
+@pytest.mark.parametrize(("kind", "contacts"), [("incident", (4, 5, 6)), ("reflected", (6, 5, 4))])
+def test_beyond_its_pulses_a_track_goes_on_at_the_pace_of_its_end(kind, contacts):
+    pulses = tuple(Pulse(*at, 1.0, 1.0, pace) for *at, pace in zip(
+        (10.0, 11.0, 13.0), contacts, (0.5, 1.0, 2.0), strict=True))  # fmt: skip
+    track, way = WaveTrack(kind, 1, pulses), contacts[1] - contacts[0]
+    times = [track.time_at(contacts[1] + way * k) for k in (-3, -2, -1, 0, 1, 2, 3)]
+    assert times == [9.0, 9.5, 10.0, 11.0, 13.0, 15.0, 17.0]
+
+
+def test_a_wave_hidden_at_a_contact_may_come_early_by_more_at_the_next():
+    """0.7 of the passing time for each contact: 1.2 of them over two, where a larger wave hides the
+    pulse between and hurries the next; bumps of unit force, one passing time wide."""
+    passing = 1 / solitary.speed(solitary.velocity_of_force(1.0, 1.0, 1.0), 1.0, 1.0)
+    t = np.linspace(0.0, 12 * passing, 1201)
+    times = {1: 2.0, 2: 3.0, 4: 3.8, 5: 4.8}
+    F = np.zeros((len(t), 7))
+    for contact, place in times.items():
+        F[:, contact - 1] = np.exp(-((t / passing - place) ** 2) / 0.1)
+    (track,) = wave_tracks(t, np.ones((len(t), 8)), F, np.ones(8), np.ones(7))
+    assert [pulse.contact for pulse in track.pulses] == list(times)
 
 
 @pytest.mark.parametrize(("separation", "trusted"), [(0.3, False), (0.45, False), (0.8, True)])

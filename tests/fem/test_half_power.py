@@ -30,6 +30,16 @@ def test_half_power_of_a_light_mode_is_its_damping():
     assert bandwidth / (2 * f) == pytest.approx(0.01, rel=5e-3)
 
 
+def test_a_peak_at_the_second_line_has_the_frequency_of_its_three_lines_and_no_bandwidth():
+    amplitude = np.abs(responses([(200.0, 0.01)], n=1)[0])
+    top = int(amplitude.argmax())
+    whole, _ = half_power_bandwidth(F, amplitude, top)
+    for ends in (slice(top - 1, None), slice(None, top + 2)):
+        at = int(amplitude[ends].argmax())
+        f, bandwidth = half_power_bandwidth(F[ends], amplitude[ends], at)
+        assert f == whole and np.isnan(bandwidth)
+
+
 def test_modes_agree_with_the_common_denominator_fit_of_sdypy():
     """Two estimates from the same noisy responses: within 0.1 %, and 5 % of the damping."""
     ema = pytest.importorskip("sdypy.EMA", reason="an independent code, for this comparison alone")

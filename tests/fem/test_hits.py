@@ -197,6 +197,7 @@ def test_long_records_end_where_noise_is_all_that_is_left():
     assert until_noise([decay + noise], 1.2) == k // 4
     assert until_noise([np.exp(-np.arange(k) / k) + noise], 1.2) == k
     assert until_noise([noise[:, :1500]], 1.2) == 1500
+    assert until_noise([noise[:, :2048]], 1.2) == 1024
 
 
 def test_a_ring_down_without_force_gives_the_poles():

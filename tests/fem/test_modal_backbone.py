@@ -45,6 +45,13 @@ def test_a_mass_on_a_stiffness_that_falls_as_it_opens_has_two_half_periods():
     for loop in loops(loaded, [1.0, 100.0]):
         assert loop.frequency == pytest.approx(exact, rel=1e-12)
         assert abs(loop.dissipated) < 1e-12 * loop.amplitude**2 * closed
+        # forces are those of its points there, and their means half-way
+        for branch, (alpha, forces) in enumerate(zip(loop.alpha, loop.forces, strict=True)):
+            between = [loop.forces_at(branch, a) for a in (alpha[1:] + alpha[:-1]) / 2]
+            size = 1e-9 * np.abs(forces).max()
+            np.testing.assert_allclose(between, (forces[1:] + forces[:-1]) / 2, atol=size)
+            there = [loop.forces_at(branch, a) for a in alpha]
+            np.testing.assert_allclose(there, forces, atol=size)
 
 
 EA, FRICTION = 1e6, 100.0  # of a bar of 1 m: [N], [N/m]

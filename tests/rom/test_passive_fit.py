@@ -1,5 +1,7 @@
 """Oscillators of a receptance: exact where there is no noise, passive where there is."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,26 @@ def test_of_noise_of_2_per_cent_frequencies_are_within_their_deviations():
     lines = np.maximum(2 * TRUE.zeta * TRUE.omega / (2 * np.pi) / 5.0, 1.0)
     assert np.all(np.abs(fit.omega[nearest] / TRUE.omega - 1) < 4 * 0.02 * TRUE.zeta / lines**0.5)
     assert fit.free.size == 0
+
+
+def test_poles_of_exact_responses_are_found_by_one_relocation(monkeypatch):
+    """sigma = prod(s - a_true) / prod(s - a) solves the linear problem exactly from any a (B.
+    Gustavsen, A. Semlyen, IEEE Trans. Power Delivery 14 (1999) 1052)."""
+    module = import_module("beadwave.rom.passive_fit")  # the room has its function by this name
+    monkeypatch.setattr(module, "N_RELOCATIONS", 1)
+    H = response(TRUE)[:, None]
+    poles = np.sort_complex(-1j * module.common_poles(2 * np.pi * HZ, H, np.abs(H), 4))
+    np.testing.assert_allclose(np.abs(poles), TRUE.omega, rtol=1e-9)
+    np.testing.assert_allclose(poles.imag / np.abs(poles), TRUE.zeta, rtol=1e-8)
+
+
+def test_a_fit_has_at_least_four_lines_for_each_of_its_modes():
+    """Eight modes at 30 lines, of which 8 x 4 would be needed: noise could be fitted as well."""
+    hz, omega = np.linspace(20.0, 1000.0, 30), 2 * np.pi * np.linspace(40.0, 960.0, 8)
+    shape = np.random.default_rng(0).uniform(0.3, 1.0, (1, 8))
+    true = rom.ModalFit(omega, np.full(8, 0.1), shape, np.zeros((1, 0)), np.array([[1e-7]]))
+    fit = rom.passive_fit(hz, response(true, hz), most_free=0)
+    assert len(fit.omega) > 2 and 4 * len(fit.omega) <= len(hz)
 
 
 @pytest.mark.parametrize("seed", range(4))

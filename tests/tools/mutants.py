@@ -457,6 +457,9 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if until >= dt:", "until >= dt"): SAME,
     ("for _halving in range(40):", "40"): FAR,
     ("if 3.0 * gap >= top * top:", "3.0 * gap >= top * top"): SAME,
+    ("if min(back) > 1 / 6:", "min(back) > 1 / 6"): SAME,
+    ("if k < 20 * ends:", "k < 20 * ends"): SAME,
+    ("inverse = np.where(sizes > 1e-12 * sizes[0], 1 / np.maximum(sizes, 1e-300), 0.0)", "0"): FAR,
 } | {  # how many numbers of lanes there are
     (line, "0"): "there are none, or a register full"
     for line in (
