@@ -458,6 +458,8 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("for _halving in range(40):", "40"): FAR,
     ("if 3.0 * gap >= top * top:", "3.0 * gap >= top * top"): SAME,
     ("if min(back) > 1 / 6:", "min(back) > 1 / 6"): SAME,
+    ("for _ in range(2):  # once leaves rounding of the size of X", "2"):
+        "what is made orthogonal once more changes by rounding alone",
     ("if k < 20 * ends:", "k < 20 * ends"): SAME,
     ("inverse = np.where(sizes > 1e-12 * sizes[0], 1 / np.maximum(sizes, 1e-300), 0.0)", "0"): FAR,
 } | {  # how many numbers of lanes there are
