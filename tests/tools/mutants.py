@@ -117,7 +117,7 @@ ROOMS = {
     "errors": Room(
         ("fem/errors/stress_error.py", "fem/errors/optimal_sizes.py", "fem/errors/left_out.py",
          "workflows/stages/errors/adapted_sizes.py"),
-        ("fem/stress_error", "fem/optimal_sizes", "workflows/adapted_sizes"),
+        ("fem/stress_error", "fem/optimal_sizes", "fem/left_out", "workflows/adapted_sizes"),
     ),
     "updating": Room(
         ("fem/modes/assembly_modes.py", "fem/modes/mac.py", "fem/modes/mode_field.py",
