@@ -5,6 +5,7 @@ import pytest
 from skfem import MeshHex, MeshTet
 
 from beadwave import fem
+from beadwave.fem.errors.stress_error import lacking_functions
 
 STEEL = fem.Material(210e9, 0.3, 7850.0)
 
@@ -103,6 +104,23 @@ def test_stresses_that_elements_hold_exactly_miss_no_energy(kind):
         model, {"bar": material}, u, np.zeros((1, 1)), fem.Faces(bearing=["bar:ends"])
     ).G
     assert abs(G[0, 0]) < 1e-8 * energy
+
+
+@pytest.mark.parametrize("kind", [MeshHex, MeshTet])
+def test_functions_that_elements_lack_have_their_slopes_and_vanish_at_their_ends(kind):
+    """Slopes by differences, exact of cubes but for h^2; all four kinds of ends along each axis."""
+    vanish = np.array([[0, 1, 2, 3], [1, 3, 0, 2], [2, 0, 3, 1]], np.int8)
+    X, h = np.random.default_rng(0).uniform(0.1, 0.3, (3, 4, 5)), 1e-4
+    _, slopes = lacking_functions(kind(), X, vanish)
+    for axis, step in enumerate(h * np.eye(3)[:, :, None, None]):
+        up, down = (lacking_functions(kind(), X + way * step, vanish)[0] for way in (1, -1))
+        np.testing.assert_allclose(slopes[:, axis], (up - down) / (2 * h), atol=1e-6)
+    if kind is MeshHex:
+        # of each element one of the three parabolas vanishes at the corner
+        for end, kinds in ((0.0, (1, 3)), (1.0, (2, 3))):
+            assert np.isin(vanish, kinds).any(axis=0).all()
+            at_corner, _ = lacking_functions(kind(), np.full((3, 4, 1), end), vanish)
+            np.testing.assert_allclose(at_corner[-1], 0.0, atol=1e-12)
 
 
 def test_a_sharp_inner_corner_does_not_hide_its_error():

@@ -25,7 +25,7 @@ from beadwave.geometry.meshing.curved_faces import (
 )
 from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.meshing.sizes import Sizes
-from beadwave.geometry.own_mesh.curved import is_curved, straight
+from beadwave.geometry.own_mesh.curved import edge_normals, is_curved, split, straight
 from beadwave.geometry.quality import volume_of
 
 GAP = 1e-5
@@ -132,6 +132,37 @@ def test_a_cell_that_would_fold_keeps_straight_edges():
     assert is_curved(bent)
     assert followed(mesh, EdgeMiddles(ends, (middle + 1.5 * (inside - middle))[None])) is mesh
     assert followed(mesh, NO_MIDDLES) is mesh
+
+
+@pytest.mark.parametrize("kind", [MeshHex, MeshTet])
+def test_the_eight_parts_of_curved_cells_fill_them(kind):
+    """The map of a part is that of its cell, with the same nodes on the faces between them."""
+    mesh = kind.init_tensor([0.0, 1.0], [0.0, 1.0, 2.0], [0.0, 1.0])
+    ends = np.sort(mesh.edges.T, axis=1)
+    away = 0.1 * np.random.default_rng(0).uniform(-1, 1, (len(ends), 3))
+    bent = followed(mesh, EdgeMiddles(ends, mesh.p[:, ends].mean(axis=2).T + away))
+    parts = split(bent, mesh.refined(1))
+    assert is_curved(bent) and parts.nelements == 8 * mesh.nelements
+    assert volume_of(parts) == pytest.approx(volume_of(bent), rel=1e-12)
+    # nodes of the cells are nodes of the parts
+    off = np.linalg.norm(bent.doflocs.T[:, None] - parts.doflocs.T[None], axis=2).min(axis=1)
+    assert off.max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "corners", [[(0, 0), (3, 0), (0, 2)], [(0, 0), (3, 0), (3, 2), (0, 2)]], ids=["6", "9"]
+)
+def test_normals_at_edges_are_those_of_a_paraboloid(corners):
+    """z = x^2 / 5 - y^2 / 7 + x y / 9 of facets that are straight in x and y."""
+    corners = np.array(corners, float) + [0.5, -0.7]
+    middles = (corners + np.roll(corners, -1, axis=0)) / 2
+    inner = corners.mean(axis=0)[None][: len(corners) - 3]
+    x, y = np.concatenate([corners, middles, inner]).T
+    nodes = np.column_stack([x, y, x**2 / 5 - y**2 / 7 + x * y / 9])
+    x, y = middles.T
+    exact = np.column_stack([-2 * x / 5 - y / 9, 2 * y / 7 - x / 9, np.ones_like(x)])
+    exact /= np.linalg.norm(exact, axis=1, keepdims=True)
+    np.testing.assert_allclose(edge_normals(nodes[None])[0], exact, atol=1e-14)
 
 
 def test_a_ball_of_curved_tetrahedra_has_the_exact_torsional_frequency(tmp_path):
