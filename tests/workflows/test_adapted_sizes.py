@@ -398,22 +398,34 @@ def test_the_bound_is_not_filled_where_the_error_asks_for_less():
     assert n[-1] < 2 * n[-2] < 0.75 * 20_000
 
 
-def test_a_mesh_above_the_bound_is_made_again_in_small_steps(monkeypatch):
-    """Unknowns of the sizes jump, as those of quadrilaterals around washers do."""
-    bound, scales = 100_000, []
+@pytest.mark.parametrize(
+    ("unknowns", "tries"),
+    [
+        (lambda scale: 140e3 * scale**-3.0, 2),
+        (lambda scale: 140e3 * scale**-1.24, 4),  # faces of a part from STEP smaller than elements
+        (lambda scale: 140e3 * scale**-6.0, 3),
+        (lambda scale: 70e3 * scale**-6.0, 3),  # below what is wanted
+        # one that rises where another algorithm meshes it, and one that never changes
+        (lambda scale: (140e3 if scale < 1.2 or 1.4 < scale < 1.5 else 95e3) * scale**-1.24, 3),
+        (lambda scale: 140e3, 8),
+    ],
+)
+def test_a_mesh_above_the_bound_is_made_again_by_the_power_of_its_tries(
+    unknowns, tries, monkeypatch
+):
+    """The cube root overshoots where unknowns fall steeply and falls short where they hardly do."""
+    bound, made = 100_000, []
 
-    def jumping(scene, sizes):
-        scales.append(sizes.scale)
-        n = 168e3 if sizes.scale < 1.2 else 130e3 if sizes.scale < 1.27 else 9e4
-        n = n if sizes.scale < 1.35 else 4e4
-        return SimpleNamespace(nodes={"cover": n / 3})
+    def parts(scene, sizes):
+        made.append(unknowns(sizes.scale))
+        return SimpleNamespace(nodes={"cover": made[-1] / 3})
 
-    monkeypatch.setattr(adapted_sizes.bodies, "parts", jumping)
+    monkeypatch.setattr(adapted_sizes.bodies, "parts", parts)
     beam = held_beam(["beam:-x"], "hex").but(mesh={"unknowns": bound})
-    mesh, sizes = adapted_sizes._meshed(beam, ElementSizes(), 85e3, 153e3)
-    assert 3 * mesh.nodes["cover"] == pytest.approx(9e4)
-    assert sizes.scale == scales[-1] < 1.35
-    assert len(scales) <= adapted_sizes.MOST_TRIES_ABOVE
+    mesh, _ = adapted_sizes._meshed(beam, ElementSizes(), 72e3, 153e3)
+    assert 3 * mesh.nodes["cover"] == pytest.approx(made[-1])
+    assert len(made) == tries
+    assert made[-1] <= bound or tries == adapted_sizes.MOST_TRIES_ABOVE
 
 
 @pytest.mark.parametrize(
