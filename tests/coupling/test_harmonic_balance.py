@@ -11,6 +11,7 @@ from beadwave.coupling.harmonic_balance import (
 )
 from beadwave.coupling.period_map import USUAL_PERIODIC_SEARCH
 from beadwave.coupling.periodic_state import (
+    balanced,
     period_of,
     periodic_state,
     still,
@@ -135,6 +136,18 @@ def test_periods_marched_from_a_cycle_come_back_to_it_as_the_square_of_the_step(
     assert saved.energy[-1, 2] == pytest.approx(gained[2], rel=2e-3)
     assert np.sum(saved.energy[-1, 6:8]) == pytest.approx(np.sum(gained[6:8]), rel=2e-3)
     assert saved.energy[-1, 4] == pytest.approx(gained[4], rel=2e-2, abs=1e-15)
+
+
+def test_a_cycle_that_marched_periods_come_back_to_is_proven_by_them():
+    """Its mean forces and losses are those of the periods; none is searched for by marches."""
+    body = shaken(60.0, 500.0)
+    motion, nearby = balanced(body, at_rest_before(body), 0.02, 0.0, USUAL_PERIODIC_SEARCH)
+    assert motion is not None and nearby == (None, None)
+    period = period_of(body, at_rest_before(body), 4096, USUAL_PERIODIC_SEARCH)
+    start = motion.moving.divided(body.search.n_cells)
+    body.settle(start, period.system, 0.0)
+    force = period.march(start).force[:, 1:]
+    assert np.abs(force - motion.saved.force[:, 1:]).max() < 0.02 * np.abs(force).max()
 
 
 @pytest.mark.parametrize("seed", range(3))
