@@ -46,7 +46,7 @@ from beadwave.rom.lanczos import (
     no_modes,
     with_columns,
 )
-from beadwave.rom.residual_vector import residual_vector, static_response
+from beadwave.rom.residual_vector import attachment_modes, residual_vector, static_response
 from beadwave.rom.truncation import Moments, frequencies, rms, size, tail_errors
 
 N = 12
@@ -123,6 +123,8 @@ def test_inertia_relief_by_a_shifted_factor_is_the_sum_over_elastic_modes(sigma)
     result = static_response(problem, W, phi[:, :1])
     exact = phi[:, 1:] @ (phi[:, 1:].T @ W / omega[1:] ** 2)
     np.testing.assert_allclose(result, exact, atol=1e-10 * np.abs(exact).max())
+    of_two = attachment_modes(problem, np.column_stack([W, -3 * W]), phi[:, :1])
+    np.testing.assert_allclose(of_two, np.outer(exact, [1, -3]), atol=1e-9 * np.abs(exact).max())
     K, M = structure()
     plain = Pencil(K, M, superlu(K - sigma * M), sigma)
     held = static_response(plain, W, np.zeros((N, 0)))
