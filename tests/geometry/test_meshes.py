@@ -5,11 +5,14 @@ import pytest
 from skfem import Basis, MeshHex, MeshTet
 
 from beadwave.geometry import InvalidGeometry, smallest_quality
-from beadwave.geometry.cad.shapes import Box, Hole, Slab, volume
+from beadwave.geometry.cad.occ import model
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, Slab, volume
+from beadwave.geometry.meshing.body_mesh import body_meshes
 from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.meshing.grid_lines import Stop, refined
 from beadwave.geometry.meshing.lined_blocks import HoleRing, Lines, lined_mesh
-from beadwave.geometry.meshing.node_estimate import n_nodes
+from beadwave.geometry.meshing.node_estimate import n_nodes, n_nodes_of_tetrahedra
+from beadwave.geometry.meshing.sizes import Fine, Sizes
 from beadwave.geometry.own_mesh.mesh_bodies import own_mesh
 
 from signal_guard import dispositions, signals_restored
@@ -67,6 +70,30 @@ def test_nodes_between_lines_are_counted_before_they_are_made():
     lines = Lines(x=[refined(0.02, 1e-3)], y=[Stop(0.01)])
     mesh = lined_mesh(Box((0.1, 0.06, 0.04)), lines, 0.013)
     assert n_nodes(Box((0.1, 0.06, 0.04)), lines, 0.013) == mesh.nvertices + mesh.nedges
+
+
+RECTANGLE = ((0.0, 0.0), (0.08, 0.0), (0.08, 0.06), (0.0, 0.06))
+
+
+@pytest.mark.parametrize(
+    ("shape", "seed", "fine"),
+    [
+        (Box((0.1, 0.06, 0.04)), 0.012, 0.0015),
+        (Slab(RECTANGLE, 0.012, (Hole(8e-3, (0.03, 0.02)),)), 0.006, None),
+        (Slab(RECTANGLE, 0.03, (Hole(8e-3, (0.03, 0.02), depth=0.015),)), 0.006, None),
+        (Slab(RECTANGLE, 0.003, (Hole(8e-3, (0.03, 0.02)), Hole(6e-3, (0.06, 0.04)))), 0.01, None),
+        (Cylinder(0.012, 0.05, 0.006), 0.006, None),
+    ],
+    ids=["struck box", "hole", "blind hole", "thin plate", "tube"],
+)
+def test_nodes_of_tetrahedra_are_foreseen_within_a_third(shape, seed, fine):
+    with model({"body": shape}, None) as cad:
+        top = np.array([0.0, 0.0, cad.bodies["body"].upper[2]])
+        at = () if fine is None else (Fine("body", top, fine),)
+        sizes = Sizes({"body": seed}, at)
+        (mesh,) = body_meshes(cad.bodies, gap=1e-5, element="tet", sizes=sizes).values()
+    n = mesh.nvertices + mesh.nedges
+    assert 0.75 * n < n_nodes_of_tetrahedra(shape, seed, fine) < 4 / 3 * n
 
 
 @pytest.mark.parametrize(
