@@ -119,6 +119,29 @@ def test_a_model_error_that_looks_like_a_change_of_numbers_joins_their_bars_by_t
     np.testing.assert_allclose(wide.value, inversion.value)
 
 
+class Louder(Linear):
+    """The linear model, each sensor's signal enlarged by a share that stands for its system."""
+
+    def __init__(self, share=0.0):
+        self.share = share
+
+    def with_system(self, system):
+        return Louder(system)
+
+    def signals(self, unknowns, theta, shots):
+        return super().signals(unknowns, theta, shots) * (1.0 + self.share)
+
+
+def test_a_model_error_of_each_sensors_size_joins_the_bar_of_its_gain():
+    """Of a sensor each, the gains take up all of it: the numbers stay."""
+    fit = a_fit(gain=(0, 1))._replace(forward=Louder())
+    inversion = inverted(fit, n_shared=2, begin=TRUTH, gains=["one", "two"])
+    share = np.array([0.02, -0.05])
+    wide = widened(fit, inversion, {"theory": [BetterModel(share, 0.5)]})
+    moved = 0.5 * np.abs(share) * inversion.value[6:]
+    np.testing.assert_allclose(wide.causes["theory"], np.r_[np.zeros(6), moved], atol=1e-4)
+
+
 def test_without_a_better_model_bars_are_those_of_the_noise():
     fit = a_fit()
     inversion = inverted(fit, n_shared=2, begin=TRUTH)

@@ -397,6 +397,7 @@ def test_threads_share_all_and_do_not_wait_alone():
 
 def test_small_packings_dampers_and_child_processes_take_one_thread(monkeypatch):
     monkeypatch.setattr(space_march, "free_cores", lambda: 4)
+    monkeypatch.setattr(space_march.multiprocessing, "parent_process", lambda: None)
     small = packing_of(space.lattice("hexagonal", (7, 6)))
     large = packing_of(space.lattice("hexagonal", (40, 40)))
     damped = large._replace(dissipation="linear", gamma=np.ones(len(large.A)))

@@ -34,6 +34,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "src" / "beadwave"  # where the imported modules say that they are
 FIT = "workflows/fit/"
+FITS = ("coupling/fit", "coupling/sensed", "coupling/target", "coupling/posterior",
+        "coupling/inspected", "coupling/inspection", "coupling/calibration")  # fmt: skip
 QUICK = "not (slow or peer or minutes)"
 # an hour of plain Python: compiled anew for each mutant, and tried by every test of the room, as
 # what compiled functions call cannot be seen
@@ -79,11 +81,11 @@ ROOMS = {
         (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "parameter.py",
          FIT + "aligned_signals.py", FIT + "forward.py", FIT + "sensed.py",
          FIT + "scaling.py", FIT + "posterior.py", FIT + "windows.py"),
-        ("coupling/fit", "coupling/sensed", "coupling/target", "coupling/posterior"),
+        FITS,
     ),
     "inspection": Room(
         (FIT + "least_squares.py", FIT + "uncertainty.py", FIT + "inversion.py"),
-        ("coupling/inspected",),
+        FITS,
     ),
     "space": Room(
         ("dem/space/lattices.py", "dem/space/linear.py", "dem/space/march.py",
