@@ -7,12 +7,13 @@ from beadwave import dem
 from beadwave.coupling.band import Band
 from beadwave.coupling.errors import CouplingError
 from beadwave.coupling.sensors import Sensor, measured, signals
+from beadwave.workflows.files.record import Record
 from beadwave.workflows.fit.aligned_signals import Signals
 from beadwave.workflows.fit.chain_fit import calibrate
 from beadwave.workflows.fit.forward import ChainForward
 from beadwave.workflows.fit.marched_system import Rig
 from beadwave.workflows.fit.parameter import Parameter
-from beadwave.workflows.fit.scaling import incident_impulse
+from beadwave.workflows.fit.scaling import incident_impulse, scaled
 from beadwave.workflows.fit.sensed import Channels
 from beadwave.workflows.fit.windows import Options
 
@@ -88,6 +89,21 @@ def test_an_unknown_gain_is_found_beside_the_chain():
     assert np.abs(result.value / exact - 1.0).max() < 2e-3
     off = np.abs(result.value - exact) / result.uncertainty.two_sigma
     assert (off < 2.0).all()
+
+
+def test_a_record_is_scaled_to_the_velocities_of_its_spheres_and_unknown_gains_to_its_size():
+    """Signals of the scene itself, the first -2 times and the last -3 times as large."""
+    run = dem.march_to_error(CHAIN, WALL, V0, duration=T[-1], error=1e-5, n_save=1500).trajectory
+    shown = signals(SENSORS, run.t, measured(SENSORS, run.t, run.x, run.v, run.contact_force), T)
+    record = Record(T, (shown * [-2.0, 1.0, 1.0, -3.0])[None], (4, 6, 7, 8), "")
+    units = {"force": "V/N", "displacement": "V/m"}
+    result = scaled(Rig(CHAIN, WALL, V0), record, CHANNELS, units, CHAIN.mass[0] * SPEED)
+    assert [(p.name, p.unit, p.index) for p in result.gains] == [
+        ("gain piezo", "V/N", -1), ("gain coil", "V/m", -1)]  # fmt: skip
+    assert [p.start for p in result.gains] == pytest.approx([2.0, 3.0], rel=1e-3)
+    fastest = np.abs(run.v[:, [3, 5, 6, 7]]).max(axis=0)
+    largest = np.abs(result.record.v[0]).max(axis=0)
+    np.testing.assert_allclose(largest, fastest, rtol=2e-3)
 
 
 def test_forces_on_leaf_springs_are_refused():
