@@ -41,6 +41,28 @@ def chain_of(n, factor, duration, n_save, speed=SLOW, mass=1.0):
     return dem.march_to_error(row, None, v0, **run).trajectory.v
 
 
+@pytest.mark.parametrize("begun", [0.0, 1e-6])
+def test_a_leaning_column_under_its_weight_is_pressed_by_what_lies_above(begun):
+    """Spheres guided along a line: A overlap^1.5 = cos 30 deg times the weight above, from spheres
+    that just touch, or are pressed too much everywhere."""
+    n, up = 6, np.array([0.5, 0.0, np.sqrt(0.75)])
+    floor = space.Plane(np.array([0]), -up, np.full(1, begun))
+    packing = space.packing_of(
+        np.outer(np.arange(n), (D - begun) * up), R, RHO, E, NU,
+        pairs=np.column_stack([np.arange(n - 1), np.arange(1, n)]), planes=[floor],
+        guides=space.line_guides(np.tile(up, (n, 1))),
+    )  # fmt: skip
+    weight = np.outer(packing.mass * 9.81, [0.0, 0.0, -1.0])
+    rest = space.at_rest(packing, weight)
+    above = np.cumsum((-weight @ up)[::-1])[::-1]  # n forces, the floor's first
+    force = rest.A * rest.overlap**1.5
+    np.testing.assert_allclose(force, [*above[1:], above[0]], rtol=1e-7)
+    np.testing.assert_allclose(rest.load @ up, weight @ up, rtol=1e-6)
+    moved = (rest.rest - packing.rest) @ up
+    np.testing.assert_allclose(moved[0], begun - rest.overlap[-1], rtol=1e-9)
+    np.testing.assert_allclose(rest.rest - packing.rest, np.outer(moved, up), atol=1e-20)
+
+
 @pytest.mark.parametrize(
     ("name", "size", "contacts"),
     [
@@ -59,6 +81,9 @@ def test_inner_spheres_touch_as_many_as_their_lattice_says(name, size, contacts)
     inner = (lattice.place[:, -1] > 0) & (lattice.place[:, -1] < size[-1] - 1)
     assert set(degree[inner]) == {contacts}
     np.testing.assert_allclose(np.linalg.norm(arm, axis=1), 1.0, rtol=1e-12)
+    # rows or layers lie one behind the other along the axis of the impact
+    layers = [lattice.centre[lattice.place[:, -1] == k, lattice.axis] for k in range(size[-1])]
+    assert max(map(np.ptp, layers)) < 1e-12 and np.all(np.diff([x[0] for x in layers]) > 0.5)
 
 
 @pytest.mark.parametrize("wall", [None, "rigid", pytest.param("1dof", marks=pytest.mark.slow)])
