@@ -105,20 +105,61 @@ def shared_cache(cache, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.fixture(scope="module")
-def blank_pictures():
-    """Pictures of structures are one grey point: the process that renders them takes 2 s."""
+@pytest.fixture(scope="session")
+def rig_cache(tmp_path_factory):
+    """A cache of results of the coarse rig, which several files run."""
+    return tmp_path_factory.mktemp("rig-cache")
+
+
+@pytest.fixture(scope="session")
+def coarse_run(rig_cache, tmp_path_factory):
+    """The folder of a run of the coarse rig with 30 modes."""
+    from command_line import COARSE_RUN, beadwave
+
+    folder = tmp_path_factory.mktemp("rig")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BEADWAVE_CACHE_DIR", str(rig_cache))
+        changes = (f"--set={change}" for change in COARSE_RUN)
+        assert beadwave("run", "rig-rom", f"--out={folder}", *changes) == 0
+    return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def marked_pictures():
+    """Pictures are one grey point, but where the set that this gives is filled: the process that
+    renders a structure takes 2 s, the plots of a run take 1 s."""
+    from matplotlib.figure import Figure
     from PIL import Image
 
-    def drawn(module, *files, seconds):
+    from beadwave.workflows.stages.pages import pictures
+
+    point, drawing = Image.new("L", (1, 1), 128), set()
+    rendered, saved = pictures.child, Figure.savefig
+
+    def child(module, *files, seconds):
+        if drawing:
+            return rendered(module, *files, seconds=seconds)
         for file in files:
             if file.endswith(".png"):
-                Image.new("L", (1, 1), 128).save(file)
+                point.save(file)
         return CompletedProcess(module, 0)
 
+    def savefig(figure, file, **options):
+        saved(figure, file, **options) if drawing else point.save(file, "PNG")
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("beadwave.workflows.stages.pages.pictures.child", drawn)
-        yield
+        patch.setattr(pictures, "child", child)
+        patch.setattr(Figure, "savefig", savefig)
+        yield drawing
+
+
+@pytest.fixture(autouse=True)
+def pictures_where_marked(request, marked_pictures):
+    """A test that is marked pictures draws them."""
+    if request.node.get_closest_marker("pictures"):
+        marked_pictures.add(request.node.nodeid)
+    yield
+    marked_pictures.clear()
 
 
 @pytest.fixture

@@ -22,6 +22,8 @@ from beadwave.workflows.run.run import IMPACT_FILES
 
 from signal_guard import signals_restored
 
+pytestmark = pytest.mark.pictures
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 

@@ -1,8 +1,10 @@
 """Benchmark of bolted plates, run small."""
 
 import bolted_plates
+import pytest
 
 
+@pytest.mark.slow
 def test_the_benchmark_of_bolted_plates_counts_and_compares_its_modes(capsys):
     """Two plates with one bolt: every stage has its row, and the modes about a further roughness
     are those of a factor of their own."""

@@ -62,6 +62,7 @@ def test_a_state_sought_to_a_smaller_error_is_the_same_one():
     assert friction_errors.trial(run).ratio >= 1.0
 
 
+@pytest.mark.slow
 def test_marches_that_are_alike_by_chance_state_a_thirtieth_of_the_error_at_least():
     run = friction_errors.struck(np.random.default_rng([11, 296]))
     assert friction_errors.trial(run).ratio >= 1.0

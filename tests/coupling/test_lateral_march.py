@@ -209,7 +209,7 @@ def along_error(along, error):
     ],
 )
 def test_what_has_no_tangential_law_is_refused(chain, arm, sentence):
-    along = dem.march(chain, dem.rigid_wall(), [0.1], duration=1e-4, dt=1e-6)
+    along = dem.march(sphere(), dem.rigid_wall(), [0.1], duration=1e-4, dt=1e-6)
     body = last(sphere(), [0.1, 0.0], **arm)
     with pytest.raises(dem.InvalidChain, match=sentence):
         march_lateral(chain, dem.rigid_wall(), [0.1], along, body, error=1e-4)

@@ -142,6 +142,7 @@ def test_a_batch_takes_the_scheme_of_its_most_damped_chain():
     assert np.abs(batch.v[2] - alone.trajectory.v).max() < 2e-3 * v0[2, 0]
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_negative_spring_beyond_its_fold_is_no_batch():
     chain, v0 = scattered(3, 4)
     wall = rigid_wall()._replace(residual_compliance=-2.0)
@@ -149,11 +150,12 @@ def test_a_negative_spring_beyond_its_fold_is_no_batch():
         march_batch(Chains(chain, wall, v0), duration=10.0, dt=0.05)
 
 
+@pytest.mark.usefixtures("kernels")
 def test_a_batch_with_losses_reaches_the_error_it_reports():
     chain, v0 = scattered(5, 6)
     chain = chain._replace(dissipation="hunt-crossley", gamma=np.full(6, 0.1))
-    batch = march_batch(Chains(chain, rigid_wall(), v0), duration=15.0, error=1e-4, n_save=15)
-    fine = march_batch(Chains(chain, rigid_wall(), v0), duration=15.0, dt=0.005, n_save=15)
+    batch = march_batch(Chains(chain, rigid_wall(), v0), duration=8.0, error=1e-4, n_save=8)
+    fine = march_batch(Chains(chain, rigid_wall(), v0), duration=8.0, dt=0.01, n_save=8)
     off = np.abs(batch.v - fine.v).max(axis=(1, 2)) / v0[:, 0]
     assert (off < batch.error_estimate).all() and (batch.error_estimate <= 1e-4).all()
 

@@ -173,7 +173,7 @@ RUBBING = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", few_quick(RUBBING, "on an arm", "on the sphere before"))
+@pytest.mark.parametrize("case", few_quick(RUBBING, "on an arm"))
 def test_a_row_that_rubs_is_the_chain_with_friction_on_its_structure(case):
     """Another march of the same contact: velocities, forces, slip, heat within both errors."""
     of_chain, of_wall, of_last = RUBBING[case]

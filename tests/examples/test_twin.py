@@ -11,7 +11,7 @@ from beadwave.workflows.fit.aligned_signals import lag_of
 from twin import OVERSAMPLED, Clean, Twin, clean_signals, measured, shown
 
 
-def test_a_calibration_finds_the_known_rig_that_made_its_records(capsys):
+def test_a_calibration_finds_the_known_rig_that_made_its_records(own_folder, capsys):
     """Four spheres: two of the first contacts and the trigger are found within five sigma."""
     few = {"chain.count": 4, "output.spheres": [2, 3], "time.duration": 6e-4}
     free = "contact.1,contact.2,trigger"

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix, diags_array
 
 from beadwave import fem
 from beadwave.fem.assembly.dashpots import dashpot_rows
@@ -81,9 +81,9 @@ def test_responses_are_those_of_the_full_model_with_dashpots_and_rayleigh_dampin
     H = computed_responses(reduced, [], np.zeros(0), HZ).H
     c = np.zeros(model.K.shape[0])
     c[model.elongation] = [DASHPOT.get(name, 0.0) for name in model.spring]
-    C = 3.0 * model.M + 2e-7 * model.K + np.diag(c)
+    C = 3.0 * model.M + 2e-7 * model.K + diags_array(c)
     for one in model.structure.springs:
-        B = (one.B @ model.T).toarray()
+        B = one.B @ model.T
         C = C + DASHPOT.get(one.name, 0.0) * B.T @ B
     for i in range(0, len(HZ), 40):
         s = 2j * np.pi * HZ[i]

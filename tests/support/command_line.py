@@ -10,6 +10,7 @@ COARSE_RIG = (
     "mesh.seed=0.012", "mesh.block_seed=0.05", "mesh.support_seed=0.1",
     "mesh.contact_seed=0.012", "patch.radius=0.006",
 )  # fmt: skip
+COARSE_RUN = (*COARSE_RIG, "reduction.modes=30", "output.samples=601")
 
 
 def beadwave(*arguments):

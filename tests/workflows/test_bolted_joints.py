@@ -671,6 +671,7 @@ def test_a_spread_of_the_drawing_is_a_lognormal_prior_of_the_fit():
 
 
 @pytest.mark.usefixtures("few_modes")
+@pytest.mark.usefixtures("few_modes")
 def test_tune_starts_from_the_drawing_and_says_which_joint_moved_beyond_it(table, capsys):
     """Frequencies of a kx 2.6 deviations softer than the drawing's."""
     coarse = {"mesh": {"scale": 4.0}}

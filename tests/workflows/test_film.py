@@ -10,6 +10,7 @@ from PIL import Image
 
 from command_line import beadwave
 
+pytestmark = pytest.mark.pictures
 SMALL = ("chain.count=4", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 
 

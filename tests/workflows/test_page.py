@@ -32,13 +32,10 @@ from beadwave.workflows.report.summary import Summary
 from beadwave.workflows.report.summary_rows import error_words
 from beadwave.workflows.scene.tables.walls import Wall
 
-from command_line import COARSE_RIG, beadwave
+from command_line import beadwave
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 BROWSER = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-COARSE = (
-    *COARSE_RIG, "reduction.modes=30",
-)  # fmt: skip
 SMALL = ("chain.count=5", "output.spheres=[1,4]", "output.samples=201", "time.duration=0.5e-3")
 LARGEST = 3_000_000  # bytes of the page of the default run, whose mesh is four times as fine
 ASKED = environ.get("BEADWAVE_TEST_BROWSER")  # where it is set, a missing browser is a failure
@@ -54,11 +51,9 @@ def run_of(name, changes, folder):
 
 
 @pytest.fixture(scope="module")
-def rig(tmp_path_factory):
+def rig(coarse_run):
     """A coarse run of the rig."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
-        yield run_of("rig-rom", COARSE, tmp_path_factory.mktemp("rig"))
+    return coarse_run
 
 
 @pytest.fixture(scope="module")
@@ -74,29 +69,45 @@ def browser():
         browser.close()
 
 
+def page_of(browser, folder, scheme="light", width=1280):
+    """Opens the page of a folder off line; what it complains of ends up in its list."""
+    view = {"width": width, "height": 900}
+    page = browser.new_context(
+        viewport=view, color_scheme=scheme, offline=True, reduced_motion="reduce"
+    ).new_page()
+    page.complaints = []
+    page.on("console", lambda message: page.complaints.append(message.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.set_default_timeout(120_000)  # ms, of a busy machine
+    page.goto(f"file://{folder}/report.html")
+    drawn(page)
+    return page
+
+
 @pytest.fixture
 def opened(browser):
-    """Opens a page of a folder off line; what it complains of ends up in its list."""
-    contexts = []
+    """Opens pages for one test."""
+    pages = []
 
-    def open_page(folder, scheme="light", width=1280):
-        view = {"width": width, "height": 900}
-        context = browser.new_context(
-            viewport=view, color_scheme=scheme, offline=True, reduced_motion="reduce"
-        )
-        contexts.append(context)
-        page = context.new_page()
-        page.complaints = []
-        page.on("console", lambda message: page.complaints.append(message.text))
-        page.on("pageerror", lambda error: page.complaints.append(str(error)))
-        page.set_default_timeout(120_000)  # ms, of a busy machine
-        page.goto(f"file://{folder}/report.html")
-        drawn(page)
-        return page
+    def open_page(folder, **options):
+        pages.append(page_of(browser, folder, **options))
+        return pages[-1]
 
     yield open_page
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.context.close()
+
+
+@pytest.fixture(scope="module")
+def page(rig, browser):
+    """The page of the coarse rig, for tests that only ask it or set what they look at."""
+    return page_of(browser, rig)
+
+
+@pytest.fixture(scope="module")
+def narrow_page(rig, browser):
+    """The same on a narrow screen."""
+    return page_of(browser, rig, width=400)
 
 
 @pytest.mark.slow
@@ -104,7 +115,7 @@ def opened(browser):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 400])
 def test_the_page_opens_without_complaint_and_fits(rig, opened, scheme, width):
-    page = opened(rig, scheme, width)
+    page = opened(rig, scheme=scheme, width=width)
     assert page.complaints == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert page.locator(".chart canvas").count() >= 5
@@ -114,8 +125,8 @@ def test_the_page_opens_without_complaint_and_fits(rig, opened, scheme, width):
 
 @needs_browser
 @pytest.mark.parametrize("width", [1280, 400])
-def test_the_map_names_every_wave_and_its_colours(rig, opened, width):
-    page = opened(rig, width=width)
+def test_the_map_names_every_wave_and_its_colours(page, narrow_page, width):
+    page = page if width == 1280 else narrow_page
     page.evaluate(
         """() => {
           const write = CanvasRenderingContext2D.prototype.fillText;
@@ -141,9 +152,8 @@ def test_the_map_names_every_wave_and_its_colours(rig, opened, width):
 
 
 @needs_browser
-def test_the_frequencies_fit_a_narrow_screen(rig, opened):
-    page = opened(rig, width=400)
-    table = page.locator("#modes")
+def test_the_frequencies_fit_a_narrow_screen(narrow_page):
+    table = narrow_page.locator("#modes")
     assert table.evaluate("t => t.scrollWidth <= t.parentElement.clientWidth")
 
 
@@ -172,8 +182,7 @@ def test_errors_stand_beside_their_numbers_and_large_ones_are_marked(rig):
 
 
 @needs_browser
-def test_the_displacement_at_the_contact_is_that_of_the_trajectory(rig, opened):
-    page = opened(rig)
+def test_the_displacement_at_the_contact_is_that_of_the_trajectory(rig, page):
     with np.load(rig / "trajectory.npz") as run:
         t, wall_x = run["t"], run["wall_x"] - run["wall_x"][0]
     instants = np.random.default_rng(0).uniform(0, t[-1], 50)
@@ -183,9 +192,9 @@ def test_the_displacement_at_the_contact_is_that_of_the_trajectory(rig, opened):
 
 
 @needs_browser
-def test_the_surface_moves_as_the_reduced_model_says(rig, opened):
+def test_the_surface_moves_as_the_reduced_model_says(rig, page):
     """16 bits of a shape and the shapes left out (1e-3 of the largest displacement)."""
-    page, reduced = opened(rig), rom.load_npz(rig / "rom.npz")
+    reduced = rom.load_npz(rig / "rom.npz")
     with np.load(rig / "trajectory.npz") as run:
         t, q = run["t"], run["wall_q"] - run["wall_q"][0]
         shape = wall_modes(reduced, run["wall_omega"], run["wall_phi"]).shape
@@ -238,8 +247,7 @@ def frames_drawn(page, n):
 
 
 @needs_browser
-def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(rig, opened):
-    page = opened(rig)
+def test_the_view_changes_with_the_play_head_the_mode_and_the_mouse(page):
     pictures = []
     for seconds in (0.2e-3, 1.2e-3):
         page.evaluate("t => beadwave.clock.seek(t)", seconds)
@@ -280,8 +288,7 @@ def test_all_that_moves_stays_in_the_view_and_fills_it(scene, width, rig, opened
 
 
 @needs_browser
-def test_the_play_head_stands_at_the_same_time_in_view_and_plots(rig, opened):
-    page = opened(rig)
+def test_the_play_head_stands_at_the_same_time_in_view_and_plots(page):
     page.evaluate("beadwave.clock.seek(1.5e-3)")
     page.wait_for_function("document.querySelector('#impact .time').innerText.startsWith('1.500')")
     drawn(page)
@@ -342,8 +349,7 @@ def test_a_frame_draws_structure_and_spheres_once_and_sends_their_motion_alone(r
 
 
 @needs_browser
-def test_the_curves_are_saved_as_they_were_run(rig, opened, tmp_path):
-    page = opened(rig)
+def test_the_curves_are_saved_as_they_were_run(rig, page, tmp_path):
     with page.expect_download() as download:
         page.click("figure[data-plot='velocity'] button.csv")
     download.value.save_as(tmp_path / "velocity.csv")
@@ -450,7 +456,7 @@ def test_the_loop_and_the_disc_of_friction_follow_the_play_head(
     """Words and pictures: a sphere that strikes obliquely slips at first, sticks, and is off."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(tmp_path / "cache"))
     folder = run_of("oblique-sphere", (), tmp_path / "out")
-    page = opened(folder, scheme, width)
+    page = opened(folder, scheme=scheme, width=width)
     assert page.complaints == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     states, pictures = [], []

@@ -1,5 +1,6 @@
 """Pictures say what they show: no text over another, one scale, the band that was looked at."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,6 +18,9 @@ from beadwave.workflows.structure import hammer
 from beadwave.workflows.structure.hammer import IdentifiedTest, auto_mac, shown_lines
 from beadwave.workflows.sweep import sweep_pictures
 
+from command_line import COARSE_RUN, beadwave
+
+pytestmark = pytest.mark.pictures
 X = np.linspace(0.0, 1.0, 11)
 
 
@@ -227,3 +231,19 @@ def test_a_bar_has_the_colour_of_its_verdict_and_a_legend_names_those_that_are_n
     assert colours[0] == colours[2] and len(set(colours)) == 3
     assert names == ["identifiable: yes", "identifiable: no", "identifiable: unconfirmed"]
     assert drawn_with("yes", "yes")[1] is None
+
+
+@pytest.mark.slow
+def test_a_killed_render_costs_the_pictures_only(monkeypatch, tmp_path, own_folder, capsys):
+    killed = tmp_path / "python"
+    killed.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    killed.chmod(0o755)
+    monkeypatch.setattr("sys.executable", str(killed))
+    changes = (f"--set={change}" for change in COARSE_RUN)
+    assert beadwave("run", "rig-rom", *changes, "--out=out", "--json") == 0
+    printed = capsys.readouterr()
+    warnings = json.loads(printed.out)["warnings"]
+    (warning,) = (sentence for sentence in warnings if "could not be rendered" in sentence)
+    assert "libosmesa6" in warning
+    assert not (tmp_path / "out" / "figures" / "modes.png").exists()
+    assert warning in (tmp_path / "out" / "report.html").read_text()

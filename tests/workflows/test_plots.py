@@ -10,6 +10,8 @@ from beadwave.workflows.report.finding import Finding, record, text
 from beadwave.workflows.report.plots import Line, Panel, panels
 from beadwave.workflows.report.tables import Table
 
+pytestmark = pytest.mark.pictures
+
 
 @pytest.mark.slow
 def test_curves_differ_on_paper_without_colour():

@@ -157,7 +157,10 @@ def frequencies(tables, **mesh):
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] if i else []) for i, name in enumerate(PARTS)],
+    [
+        pytest.param(name, marks=[] if name == "hole at the middle" else [pytest.mark.slow])
+        for name in PARTS
+    ],
 )
 def test_the_true_change_is_within_what_is_stated(name, tmp_path):
     """Of each frequency with and without the features, each extrapolated from two meshes."""
@@ -190,7 +193,7 @@ def held(**mesh):
 
 def test_features_left_out_are_listed_and_are_a_part_of_the_error():
     with_holes, without = (
-        pipeline_of(scene(held(modes=3, **m)), quiet) for m in ({}, {"simplify": SIZE})
+        pipeline_of(scene(held(error=0.15, modes=3, **m)), quiet) for m in ({}, {"simplify": SIZE})
     )
     sizes, of_whole = without("sizes"), with_holes("sizes")
     assert of_whole.left_out == () and of_whole.floor == 0
@@ -199,7 +202,7 @@ def test_features_left_out_are_listed_and_are_a_part_of_the_error():
         ("part@0.02,0.015,0.003",), ("part@0.03,0.015,0.003",), ("part@0.045,0.0152,0.003",)
     ]  # fmt: skip
     assert all(part.size_m == pytest.approx(2e-3) and part.error > 0 for part in sizes.left_out)
-    assert max(part.error for part in sizes.left_out) <= sizes.floor < sizes.stated < 0.05
+    assert max(part.error for part in sizes.left_out) <= sizes.floor < sizes.stated < 0.15
     numbers = without("mesh-numbers")
     assert [part.body for part in numbers.left_out] == ["part"] * 3
     assert "3 small features left out, most of it at part@0.0" in mesh_words(numbers)

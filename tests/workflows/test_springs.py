@@ -403,6 +403,7 @@ def test_one_point_is_a_list_of_one(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.pictures
 def test_the_picture_has_each_spring_from_its_face_to_the_ground_or_the_other_body():
     run = pipeline_of(scene(STACK), lambda name: nullcontext())
     drawn = fixtures(run.scene, run("mesh"))
