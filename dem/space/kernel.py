@@ -271,19 +271,19 @@ def march(
     stale = n_save >= 0  # a literal True would compile what takes it once more
     drifted = 0.0
     now = 0.0  # [s] of the positions
-    held = 0.0  # [s] of a last kick, by the forces of the next step's first one
+    postponed = 0.0  # [s] of a last kick, by the forces of the next step's first one
     for k in range(n_save + 1):
         for step in range(stride if k > 0 else 0):
             for i in range(b.size):
-                kick, drift = b[i] * dt + held, a[i] * dt if i < a.size else 0.0
-                held = 0.0
+                kick, drift = b[i] * dt + postponed, a[i] * dt if i < a.size else 0.0
+                postponed = 0.0
                 if kick != 0.0:
                     if stale:
                         press(drifted, motion, arrays, parts, crew)
                         drifted = 0.0
                         stale = False
                     if i >= a.size and step < stride - 1 and joins(parts.damping):
-                        held = kick
+                        postponed = kick
                         continue
                     push(kick, motion, arrays, parts, parts.damping, crew)
                     push_spins(low, high, kick, motion, arrays, parts.turning, parts.guides)
@@ -1234,15 +1234,15 @@ def save_contacts(
     """Row k of the contacts' forces, their energies and losses."""
     v, energy, at = motion.v, saved.energy[k], 0
     for c in range(arrays.A.size):
-        d, pressed, held = motion.depth[c], 0.0, 0.0
+        d, pressed, stored = motion.depth[c], 0.0, 0.0
         if d > 0.0:
             if plastic is None:
                 pressed = elastic_force(c, d, arrays.A, shape)
-                held = stored_energy(c, d, pressed, arrays.A, shape)
+                stored = stored_energy(c, d, pressed, arrays.A, shape)
             else:
                 pressed = plastic_force(c, d, arrays.A, plastic)
-                held = 0.4 * pressed * (d - plastic.crater[c])
-        energy[CONTACT if arrays.second[c] >= 0 else WALL_CONTACT] += held
+                stored = 0.4 * pressed * (d - plastic.crater[c])
+        energy[CONTACT if arrays.second[c] >= 0 else WALL_CONTACT] += stored
         energy[RESIDUAL] += 0.5 * arrays.residual[c] * pressed * pressed
         if damping is not None:
             pressed += damper_force(

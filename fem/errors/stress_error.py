@@ -250,7 +250,7 @@ def missed_energy(
         G, of_cells[body] = np.zeros((k, k)), np.zeros((n_cells, k))
         if isinstance(mesh, MeshHex):
             of_axes[body] = np.zeros((n_cells, 3, k))
-        held = with_neighbours(mesh, strain_energy(mesh, element, C, local[..., :k]))
+        strained = with_neighbours(mesh, strain_energy(mesh, element, C, local[..., :k]))
 
         # what inertia and stresses leave inside the elements, and the errors that balance it all
         for cells in shares(np.arange(n_cells), CHUNK):
@@ -282,7 +282,7 @@ def missed_energy(
             diagonal[still[cells].reshape(len(cells), -1)] *= HELD_STIFFNESS
             error = np.linalg.solve(stiffness, r)
             missed = np.sum(r * error, axis=1)
-            of_cells[body][cells] = np.clip(missed, 0.0, held[cells])
+            of_cells[body][cells] = np.clip(missed, 0.0, strained[cells])
             part = np.sqrt(of_cells[body][cells] / np.maximum(missed, 1e-300))[:, None]
             if isinstance(mesh, MeshHex):
                 of_function = (part**2 * r * error).reshape(len(cells), -1, 3, k).sum(axis=2)
