@@ -647,11 +647,10 @@ def tried(mutant: Mutant, tests: list[str], seconds: float) -> None:
     """End with status 0 where all tests pass with the mutant in its module's place."""
     setrlimit(RLIMIT_CPU, (int(seconds), int(seconds)))
     folder = TemporaryDirectory()
+    # what numba keeps is told apart by the files, not the mutants
     if mutant.module in COMPILED:
         sys.modules["numba"].config.CACHE_DIR = folder.name
-    elif (
-        "/kernels/" in mutant.module
-    ):  # what numba keeps is told apart by the files, not the mutants
+    elif "/kernels/" in mutant.module:
         sys.modules["numba"].config.DISABLE_JIT = True
     sys.meta_path.insert(0, Changed(mutant))
     status = _pytest(tests)
