@@ -63,6 +63,26 @@ def test_a_leaning_column_under_its_weight_is_pressed_by_what_lies_above(begun):
     np.testing.assert_allclose(rest.rest - packing.rest, np.outer(moved, up), atol=1e-20)
 
 
+def test_a_packing_at_rest_hands_its_weight_on_to_the_floor():
+    """A hexagonal one of 8 rows with periodic sides, begun pressed too much, scattered in height by
+    a tenth of that. Near the end energies are alike to rounding, and forces lead on."""
+    lattice = space.lattice("hexagonal", (6, 8), periodic=True)
+    bottom = np.flatnonzero(lattice.place[:, 1] == 0)
+    floor = space.Plane(bottom, np.array([0.0, -1.0, 0.0]), np.full(6, 1e-6))
+    pairs, arm = space.touching(lattice.centre, lattice.period, 1.0 + space.CLOSE)
+    scatter = 1e-7 * np.random.default_rng(0).normal(size=(48, 1)) * [0.0, 1.0, 0.0]
+    packing = space.packing_of(
+        (D - 1e-6) * lattice.centre + scatter, R, RHO, E, NU, pairs=pairs,
+        arm=(D - 1e-6) * arm + scatter[pairs[:, 1]] - scatter[pairs[:, 0]], planes=[floor],
+    )  # fmt: skip
+    weight = np.outer(packing.mass * 9.81, [0.0, -1.0, 0.0])
+    rest = space.at_rest(packing, weight)
+    forces, _ = space.resultants(rest, np.zeros_like(weight))
+    np.testing.assert_allclose(forces, -weight, atol=1e-8 * np.abs(weight).max())
+    force = rest.A * rest.overlap**1.5
+    assert force[-6:].sum() == pytest.approx(-weight.sum(), rel=1e-8)
+
+
 @pytest.mark.parametrize(
     ("name", "size", "contacts"),
     [
