@@ -6,7 +6,7 @@ from skfem import Basis, MeshHex, MeshTet
 
 from beadwave.geometry import InvalidGeometry, smallest_quality
 from beadwave.geometry.cad.occ import model
-from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, Slab, volume
+from beadwave.geometry.cad.shapes import Box, Cylinder, Hole, RadialHole, Slab, volume
 from beadwave.geometry.meshing.body_mesh import body_meshes
 from beadwave.geometry.meshing.gmsh_session import session
 from beadwave.geometry.meshing.grid_lines import Stop, refined
@@ -72,6 +72,7 @@ def test_nodes_between_lines_are_counted_before_they_are_made():
     assert n_nodes(Box((0.1, 0.06, 0.04)), lines, 0.013) == mesh.nvertices + mesh.nedges
 
 
+CROSS_HOLES = (RadialHole(5e-3, 0.0, -8e-3), RadialHole(5e-3, 90.0, 8e-3, depth=0.01))
 RECTANGLE = ((0.0, 0.0), (0.08, 0.0), (0.08, 0.06), (0.0, 0.06))
 
 
@@ -83,8 +84,9 @@ RECTANGLE = ((0.0, 0.0), (0.08, 0.0), (0.08, 0.06), (0.0, 0.06))
         (Slab(RECTANGLE, 0.03, (Hole(8e-3, (0.03, 0.02), depth=0.015),)), 0.006, None),
         (Slab(RECTANGLE, 0.003, (Hole(8e-3, (0.03, 0.02)), Hole(6e-3, (0.06, 0.04)))), 0.01, None),
         (Cylinder(0.012, 0.05, 0.006), 0.006, None),
+        (Cylinder(0.02, 0.04, radial_holes=CROSS_HOLES), 0.006, None),
     ],
-    ids=["struck box", "hole", "blind hole", "thin plate", "tube"],
+    ids=["struck box", "hole", "blind hole", "thin plate", "tube", "cross holes"],
 )
 def test_nodes_of_tetrahedra_are_foreseen_within_a_third(shape, seed, fine):
     with model({"body": shape}, None) as cad:

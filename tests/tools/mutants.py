@@ -461,6 +461,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if 3.0 * gap >= top * top:", "3.0 * gap >= top * top"): SAME,
     ("if min(back) > 1 / 6:", "min(back) > 1 / 6"): SAME,
     ("1 / 3", "1 / 3"): START,
+    ("if bound > 0.0 and b > 0.0:", "bound > 0.0"): "where the bound was 0 nothing lies across",
     ("u, state = np.tile(u, (m, 1, 1)), np.tile(state, (m, 1))", "1"):
      "more cells than are asked for, or numbers that are not read",
     ("for _ in range(2):  # once leaves rounding of the size of X", "2"):
