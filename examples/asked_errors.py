@@ -10,7 +10,9 @@ true error. Below stand, of hexahedra, of tetrahedra, of each kind of structure 
     share = unknowns / unknowns of mesh.scale alone at the same true error
     least = the share that the indicators of such a mesh foresee of the best sizes
 
-The second has sizes that vary from element to element (from layer to layer of boxes) without any
+    at 5, 1, 0.2 %: shares at these true errors, between those of the errors asked
+
+The third has sizes that vary from element to element (from layer to layer of boxes) without any
 limit, and errors that fall with their orders. Of stresses that change over a whole body smoothly
 it is near 1, of singular edges it falls with the error.
 
@@ -78,7 +80,9 @@ ASKED = (0.05, 0.02, 0.005)  # mesh.error
 MIDDLE = 1  # of these, whose mesh is split for the limit, or an earlier one's if it is smaller
 BOUND = 40_000  # mesh.unknowns
 MOST_UNKNOWNS = 1.3e5  # of a mesh that is split
-SCALES = (2.0, 1.4, 1.0, 0.7, 0.5)  # mesh.scale of even meshes
+SCALES = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25)  # mesh.scale of even meshes, up to the bound
+TRUE = (0.05, 0.01, 0.002)  # errors at which unknowns are compared
+FARTHEST = 1.3  # of these over a true error of the errors asked
 N_GOALS = 12
 FLAT = 1e-6  # of a volume: what facets cut off bodies without curved faces
 
@@ -408,7 +412,7 @@ def compared(
     even, foreseen = [], []
     for scale in scales:
         parts = bodies.parts(scene.but(mesh={"scale": scale, "error": None}))
-        if 3 * sum(parts.nodes.values()) > BOUND:
+        if 3 * sum(parts.nodes.values()) > scene.mesh.unknowns:
             break
         on_mesh = goals(scene, parts, points)
         even.append((on_mesh.unknowns, np.nanmax(errors(on_mesh, limit, finest))))
@@ -465,6 +469,16 @@ def least_share(scene: Scene, parts: Parts) -> float:
         for body, layout in layouts.items()
     ]
     return sum(of_bodies) / sum(nodes.values())
+
+
+def share_at(rows: list[Row], error: float) -> float:
+    """Share of a structure at a true error, on the line of logarithms through those of the errors
+    asked; nan beyond `FARTHEST` times them."""
+    of = sorted((row.true, row.share) for row in rows if np.isfinite([row.true, row.share]).all())
+    if not of or not of[0][0] / FARTHEST <= error <= of[-1][0] * FARTHEST:
+        return np.nan
+    true, share = np.log(np.array(of)).T
+    return float(np.exp(np.interp(np.log(error), true, share)))
 
 
 def at_error(even: list[tuple[int, float]], values: list[float], error: float) -> float:
@@ -540,6 +554,9 @@ def summary(rows: list[Row]) -> str:
     whole = np.array([row.stated / row.true for row in rows if np.isfinite(row.true)])
     shares = [[row.share, row.least] for row in rows if np.isfinite(row.share)]
     share, least = np.reshape(shares, (-1, 2)).T
+    of_names = [[row for row in rows if row.name == name] for name in {row.name for row in rows}]
+    shares_at = [[share_at(of, error) for of in of_names] for error in TRUE]
+    told = [[f"{share:.2f}" for share in sorted(s) if np.isfinite(share)] for s in shares_at]
     met = f"met by {sum(row.stated <= row.asked for row in rows)} of {len(rows)}"
     if not len(ratios):
         return met if rows else "none"
@@ -551,6 +568,11 @@ def summary(rows: list[Row]) -> str:
         "unknowns over even "
         + (f"{np.median(share):.2f} median of {len(share)}" if len(share) else "not compared")
         + (f", foreseen {np.median(least):.2f} at least" if len(share) else "")
+        + "".join(
+            f"; at {error:.1%} {', '.join(each)}"
+            for error, each in zip(TRUE, told, strict=True)
+            if each
+        )
     )
 
 

@@ -17,6 +17,19 @@ def test_even_unknowns_follow_the_line_of_logarithms():
     assert np.isnan(asked_errors.even_unknowns(even, np.nan))
 
 
+def test_shares_at_one_true_error_lie_between_those_of_the_errors_asked():
+    def row(true, share):
+        return asked_errors.Row("box", "box", "hex", 0.1, 0.1, "met", [9], share, 1, [0.1], [true])
+
+    rows = [row(0.02, 0.5), row(0.005, 0.125), row(np.nan, 0.01)]
+    assert asked_errors.share_at(rows, 0.01) == pytest.approx(0.25)
+    assert asked_errors.share_at(rows, 0.004) == pytest.approx(0.125)
+    assert np.isnan([asked_errors.share_at(rows, error) for error in (0.05, 0.002)]).all()
+    assert np.isnan(asked_errors.share_at(rows[2:], 0.01))
+    said = asked_errors.summary([*rows, *(each._replace(name="tube") for each in rows)])
+    assert "at 1.0% 0.25, 0.25" in said and "at 5.0%" not in said
+
+
 def test_every_kind_is_drawn_in_both_elements(tmp_path):
     n = len(asked_errors.KINDS)
     for number, kind in enumerate(asked_errors.KINDS):
