@@ -461,6 +461,7 @@ EXPLAINED = {  # line, expression: why no test can notice its mutants
     ("if 3.0 * gap >= top * top:", "3.0 * gap >= top * top"): SAME,
     ("if min(back) > 1 / 6:", "min(back) > 1 / 6"): SAME,
     ("1 / 3", "1 / 3"): START,
+    ("along, across = 1.0, 0.0", "1.0"): "a spring that slips unsheared has no bound, and no heat",
     ("if bound > 0.0 and b > 0.0:", "bound > 0.0"): "where the bound was 0 nothing lies across",
     ("u, state = np.tile(u, (m, 1, 1)), np.tile(state, (m, 1))", "1"):
      "more cells than are asked for, or numbers that are not read",
