@@ -415,7 +415,7 @@ def test_a_body_that_lies_loose_on_others_is_refused_by_its_name(side, held):
 
 
 @pytest.mark.usefixtures("few_modes")
-@pytest.mark.parametrize("dry", [(), ("--dry-run",)])
+@pytest.mark.parametrize("dry", [pytest.param((), marks=pytest.mark.slow), ("--dry-run",)])
 def test_a_sweep_says_which_bolts_are_overloaded(dry, table, tmp_path, monkeypatch, capsys):
     """Of the worst case that is not refused, of every joint; nothing of bolts that bear it."""
     monkeypatch.chdir(tmp_path)
