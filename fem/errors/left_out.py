@@ -25,8 +25,8 @@ from beadwave.fem.errors.stress_error import at_elements, element_of
 # least ratio of stated and true changes above their own errors is 0.89 with 1, and 0.5 of a pin,
 # which moves farther than its foot
 LEFT_OUT_SAFETY = 1.3
-# elements whose middles are next to a point: of 4000 points in gmsh's tetrahedra the one around it
-# was not among 8 of 40 points, among 16 of 5, among 24 of none; Newton's steps to it in each
+# elements whose middles are next to a point: for 40 of 4000 points in gmsh's tetrahedra the element
+# around them was not among 8, for 5 not among 16, for none not among 24. Newton's steps in each
 N_NEAR, N_STEPS = 24, 4
 
 

@@ -24,8 +24,9 @@ esac
 case "${1:-}" in
     --quick) shift ;;
     "") set -- tests/rom/test_{reduction,parts,reduced_model}.py \
-        tests/fem/test_{factorisation,beam,elasticity,materials,patch,joints}.py \
-        tests/coupling/test_{damping,fit,reduced_wall}.py tests/dem/test_{ends,kernels}.py \
+        tests/fem/test_{factorisation,beam,elasticity,materials,contact_patch,joints}.py \
+        tests/coupling/test_{damping,reduced_wall}.py tests/fit/test_fit.py \
+        tests/dem/test_{ends,kernels}.py \
         tests/workflows/test_shaken_extremes.py \
         tests/dem/test_damping.py::test_velocities_are_those_of_an_independent_stiff_integrator ;;
 esac

@@ -35,7 +35,7 @@ class RecordWindow(NamedTuple):
     late: bool  # whether the record may have begun after the first touch
 
 
-# Numbers of the test, tried on 1000 chains at random: see tests/coupling/test_columns.py. A time
+# Numbers of the test, tried on 1000 chains at random: see tests/fit/test_columns.py. A time
 # scale is that of the stiffest contact.
 WINDOWS = (
     RecordWindow(1.0, 0.7, 0.1, True),
