@@ -18,6 +18,9 @@ HOLE_NODES = 1500.0  # nodes around a hole of a plate, however large the seed
 # around a hole besides, times its length over its diameter; from 1560 to 2460 on cylinders with
 # one or four holes of 4 to 9 mm, 12 to 80 mm deep
 DRILLED_NODES = 2300.0
+# of a cylinder without a bore, however large the seed, times its length over its diameter; from
+# 1590 to 2010 where the length is half to ten times the diameter
+ROUND_NODES = 1700.0
 REFINED_NODES = 650.0  # over the logarithm of the seed over that at the contact
 IMPRINT_NODES = 500.0  # around imprints on a body that is not struck, as large as the rig's
 
@@ -49,4 +52,7 @@ def n_nodes_of_tetrahedra(shape: Shape, seed: float, fine: float | None = None) 
         flat = PLATE_NODES * volume(shape) / shape.thickness / seed**2
         return flat + HOLE_NODES * len(shape.holes) + drilled
     around = IMPRINT_NODES if fine is None else REFINED_NODES * log(max(1.0, seed / fine))
-    return SOLID_NODES * volume(shape) / seed**3 + drilled + around
+    solid = SOLID_NODES * volume(shape) / seed**3
+    if isinstance(shape, Cylinder) and not shape.bore:
+        solid = max(solid, ROUND_NODES * shape.length / (2 * shape.radius))
+    return solid + drilled + around
