@@ -126,8 +126,8 @@ def coarse_run(rig_cache, tmp_path_factory):
 
 @pytest.fixture(scope="session", autouse=True)
 def marked_pictures():
-    """Pictures are one grey point, but where the set that this gives is filled: the process that
-    renders a structure takes 2 s, the plots of a run take 1 s."""
+    """Pictures are one grey point while this set is empty: the process that renders a structure
+    takes 2 s, the plots of a run take 1 s."""
     from matplotlib.figure import Figure
     from PIL import Image
 
@@ -145,7 +145,10 @@ def marked_pictures():
         return CompletedProcess(module, 0)
 
     def savefig(figure, file, **options):
-        saved(figure, file, **options) if drawing else point.save(file, "PNG")
+        if drawing:
+            saved(figure, file, **options)
+        else:
+            point.save(file, "PNG")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "child", child)
