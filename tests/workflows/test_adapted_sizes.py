@@ -559,6 +559,18 @@ def test_a_file_that_holds_no_sizes_is_refused_in_a_sentence(arrays, sentence, t
         of("cantilever", f"mesh.sizes={path}")("sizes")
 
 
+def test_sizes_of_other_bodies_and_files_of_text_are_refused(tmp_path):
+    shapes = {"points": (2, 3), "sizes": (2, 1), "axes": (1, 3)}
+    of_bar = {f"{kind}.bar": np.ones(shape) for kind, shape in shapes.items()}
+    numbers = {name: np.array(1.0) for name in NUMBERS}
+    np.savez(tmp_path / "bar.npz", **numbers, **of_bar, **{"box.bar": [np.zeros(3), np.ones(3)]})
+    with pytest.raises(InvalidScene, match=r"holds sizes of 'bar', the bodies are beam; drop mesh"):
+        of("cantilever", f"mesh.sizes={tmp_path / 'bar.npz'}")("mesh")
+    (tmp_path / "text.npz").write_text("hello")
+    with pytest.raises(InvalidScene, match=r"text.npz' is no .npz of arrays; give the sizes.npz"):
+        of("cantilever", f"mesh.sizes={tmp_path / 'text.npz'}")("sizes")
+
+
 def test_cases_of_a_sweep_share_the_sizes_of_the_scene(tmp_path):
     """Of a beam of half the width the error is twice what it was: its row says so."""
     changes = {"mesh.error": 0.01, "time.duration": 1e-4}

@@ -233,6 +233,12 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     """
     coarser *= sizes.scale
     with drawing(scene, coarser) as layout:
+        if scene.mesh.sizes and (strange := sizes.fields.keys() - layout.bodies.keys()):
+            raise InvalidScene(
+                f"{scene.name}: mesh.sizes = {scene.mesh.sizes!r} holds sizes of {min(strange)!r}, "
+                f"the bodies are {', '.join(layout.bodies)}; drop mesh.sizes, or give the "
+                "sizes.npz of a run of these bodies."
+            )
         chosen = placed(scene, layout, sizes, coarser)
         left_out: tuple[Removal, ...] = ()
         if scene.mesh.simplify and not layout.own:

@@ -44,8 +44,8 @@ def adapted_of(path: str) -> AdaptedSizes:
     try:
         with np.load(path, allow_pickle=False) as archive:
             content = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, BadZipFile) as error:
-        raise InvalidScene(f"mesh.sizes = {path!r} cannot be read ({error}); {ADVICE}.") from None
+    except (ValueError, OSError, EOFError, BadZipFile):
+        raise InvalidScene(f"mesh.sizes = {path!r} is no .npz of arrays; {ADVICE}.") from None
 
     # numbers, and fields of every body
     missing = [name for name in NUMBERS if name not in content]
