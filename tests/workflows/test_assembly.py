@@ -22,8 +22,8 @@ def coarse(command, *more):
 
 @pytest.fixture(autouse=True)
 def kept_there(rig_cache, tmp_path, monkeypatch):
-    """The commands of a test keep their results beside the coarse run's, in a folder of their own
-    work."""
+    """The commands of a test work in a folder of its own, and keep results beside those of the
+    coarse run."""
     monkeypatch.setenv("BEADWAVE_CACHE_DIR", str(rig_cache))
     monkeypatch.chdir(tmp_path)
 

@@ -228,8 +228,8 @@ def parts(scene: Scene, sizes: ElementSizes = ElementSizes(), coarser: float = 1
     """Bodies meshed each on its own, and what joins, holds and loads them.
 
     Elements have the `sizes`, `coarser` times as large; a mesh of the user's stays as it is.
-    Raises InvalidScene for all that `drawing` and `placed` refuse, and for a mesh that does not fit
-    into memory.
+    Raises InvalidScene for all that `drawing` and `placed` refuse, for sizes of other bodies, and
+    for a mesh that does not fit into memory.
     """
     coarser *= sizes.scale
     with drawing(scene, coarser) as layout:
